@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
@@ -44,7 +45,7 @@ def suffix_of(source: str | Path) -> str:
 
     Stable-Baselines3 leaves its ending out where a name has a dot, as `model_0.5`: `.zip` of such a file too.
     """
-    suffix = Path(source).suffix.lower()
+    suffix = os.path.splitext(source)[1].lower()
     return ".zip" if suffix not in (*SUFFIXES, COMPOSITE) and _is_sb3(Path(source)) else suffix
 
 

@@ -288,8 +288,8 @@ def _look(
 
 def _check_full(watched: Watched, fields: Sequence[EntryList]) -> None:
     """Raise InputError for an empty folder in which earlier nights found checkpoints."""
-    sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
     for folder in watched.empty:
+        sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
         if any(source.is_relative_to(folder) for source in sources):
             raise InputError(
                 f"{folder}: holds no checkpoint any more, expected those that earlier nights have judged"
