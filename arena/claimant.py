@@ -87,6 +87,12 @@ def is_gone(owner: str) -> bool:
     return has_ended(name.process) or start_of(name.process) != name.start
 
 
+def release_the_dead(store: Store) -> None:
+    """Give free what processes of this machine had claimed that have ended."""
+    for dead in filter(is_gone, store.owners()):
+        store.release(dead)
+
+
 class _Name(NamedTuple):
     place: str
     process: int
@@ -131,11 +137,6 @@ class Claimant:
         self._over.set()
         self._thread.join(FAREWELL_S)
         self._store.release(self.owner)
-
-    def release_the_dead(self) -> None:
-        """Give free what processes of this machine had claimed that have ended."""
-        for dead in filter(is_gone, self._store.owners()):
-            self._store.release(dead)
 
     def _renew(self) -> None:
         while not self._over.wait(self.lease_s / RENEWALS):

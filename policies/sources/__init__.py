@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
@@ -45,7 +44,7 @@ def suffix_of(source: str | Path) -> str:
 
     Stable-Baselines3 leaves its ending out where a name has a dot, as `model_0.5`: `.zip` of such a file too.
     """
-    suffix = os.path.splitext(source)[1].lower()
+    suffix = Path(source).suffix.lower()
     return ".zip" if suffix not in (*SUFFIXES, COMPOSITE) and _is_sb3(Path(source)) else suffix
 
 

@@ -45,13 +45,12 @@ def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
     closed: list[Path] = []
     loaded = tuple(endings)
     found = [
-        Path(path)
+        Path(place) / name
         for place, names in _looked_into(folder, lambda error: closed.append(Path(error.filename)))
         for name in names
-        for path in [os.path.join(place, name)]
         if name.endswith(ROLES)
         or name.lower().endswith(loaded)
-        or (name.lower() not in TRAINING_STATE and suffix_of(path) in SUFFIXES)
+        or (name.lower() not in TRAINING_STATE and suffix_of(Path(place) / name) in SUFFIXES)
     ]
     parts: set[str] = set()
     for path in found:
@@ -60,9 +59,7 @@ def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
 
             with suppress(InputError):  # whoever opens it says what is wrong
                 parts |= {os.path.abspath(source) for source in RolesSource.read(path).sources.values()}
-    if parts:
-        found = [path for path in found if os.path.abspath(path) not in parts]
-    return sorted([*found, *closed])
+    return sorted([*(path for path in found if os.path.abspath(path) not in parts), *closed])
 
 
 def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tuple[str, list[str]]]:

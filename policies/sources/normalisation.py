@@ -94,11 +94,10 @@ def companions(path: Path) -> Companions:
     Raises:
         InputError: if that cannot be told for sure, or cannot be read here.
     """
-    suffix = suffix_of(path)
-    if suffix == ".onnx":
-        named = [f"{path}{ending}" for ending in WEIGHTS]
-        return Companions(weights=next((Path(one) for one in named if os.path.isfile(one)), None))
-    if suffix != ".zip":
+    if suffix_of(path) == ".onnx":
+        named = [path.with_name(path.name + ending) for ending in WEIGHTS]
+        return Companions(weights=next((one for one in named if one.is_file()), None))
+    if suffix_of(path) != ".zip":
         return Companions()
     zoo = _zoo(path)
     settings, arguments = (_of_zoo(path, zoo, name) for name in _ZOO)
