@@ -77,9 +77,7 @@ def verify(
         say(f"Signed by    {found.signed_by or 'nobody'}")
         say(f"Raced again  {found.again} of {found.matches} matches came to the same (--seed {found.seed})")
         for name in found.missing:
-            say(
-                f"Not in it    {name}, which was gone when the run was decided; its matches are not raced again"
-            )
+            say(f"Not in it    {name}, which was gone when the run was decided: not raced again")
         for fault in found.faults:
             say(f"Disagrees    {fault}")
         say(f"Outcome      {'Something disagrees.' if found.faults else 'It is what it claims to be.'}")

@@ -107,16 +107,16 @@ def verify_pack(
         results = pl.concat([match.results for match in matches])
         faults = _claims(summary, results, entrants)
         missing = entrants.filter(pl.col("source").is_null())
-        there = [
-            one for one in matches if not one.results["entrant"].is_in(missing["entrant"].implode()).any()
-        ]
+        there = [match for match in matches if set(missing["entrant"]).isdisjoint(match.results["entrant"])]
         drawn = np.random.default_rng(seed).permutation(len(there))[:sample]
         with Store(Path(scratch) / "again.sqlite") as store:
             _keep(path, store, matches)
             wanted = {there[number].key: (0,) for number in sorted(drawn.tolist())}
             on_match(RACED_AGAIN, 0, len(wanted))
             different: list[str] = []
-            for done, (_, answer) in enumerate(run_again(store, wanted, entrants, recorder), 1):
+            for done, (_, answer) in enumerate(
+                run_again(store, wanted, entrants.drop_nulls("source"), recorder), 1
+            ):
                 different += [f"{answer}."] if isinstance(answer, InputError) else []
                 on_match(RACED_AGAIN, done, len(wanted))
     again = len(wanted) - len(different)
