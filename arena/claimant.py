@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from contextlib import suppress
 from datetime import datetime
 from itertools import count
 from types import TracebackType
@@ -14,7 +13,7 @@ from typing import NamedTuple
 from nathlon.arena.executor import Executor
 from nathlon.arena.store import Store, WorkerRecord
 from nathlon.sim.errors import InputError
-from nathlon.sim.process import HOST, has_ended, start_of
+from nathlon.sim.process import PLACE, has_ended, start_of
 
 log = logging.getLogger(__name__)
 
@@ -25,15 +24,6 @@ RENEWALS = 4
 FAREWELL_S = 1.0
 """For the thread that renews to end."""
 
-
-def _namespace() -> str:
-    """What tells containers apart that have the same host's name: each counts its processes anew."""
-    with suppress(OSError):
-        return os.readlink("/proc/self/ns/pid")
-    return ""
-
-
-PLACE = f"{HOST}{_namespace()}"
 
 _numbers = count()
 
