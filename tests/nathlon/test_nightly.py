@@ -244,12 +244,7 @@ def test_what_another_process_tells_is_not_told_again(
         assert (quiet.code, quiet.counts) == (HEALTH, False)
         copy.release(other)
         assert run(tmp_path).counts
-    assert (
-        tell_night(
-            replace(told_late, told_elsewhere=True), Config(results={"webhook": "https://127.0.0.1:9"})
-        )
-        == ()
-    )
+    assert tell_night(replace(told_late, told_elsewhere=True), read_config(tmp_path / "nathlon.toml")) == ()
 
 
 def test_an_empty_folder_is_told(tmp_path: Path) -> None:
