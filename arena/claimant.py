@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from contextlib import suppress
 from datetime import datetime
 from itertools import count
 from types import TracebackType
@@ -14,7 +13,7 @@ from typing import NamedTuple
 from nathlon.arena.executor import Executor
 from nathlon.arena.store import Store, WorkerRecord
 from nathlon.sim.errors import InputError
-from nathlon.sim.process import HOST, has_ended, start_of
+from nathlon.sim.process import PLACE, has_ended, start_of
 
 log = logging.getLogger(__name__)
 
@@ -25,15 +24,6 @@ RENEWALS = 4
 FAREWELL_S = 1.0
 """For the thread that renews to end."""
 
-
-def _namespace() -> str:
-    """What tells containers apart that have the same host's name: each counts its processes anew."""
-    with suppress(OSError):
-        return os.readlink("/proc/self/ns/pid")
-    return ""
-
-
-PLACE = f"{HOST}{_namespace()}"
 
 _numbers = count()
 
@@ -87,6 +77,12 @@ def is_gone(owner: str) -> bool:
     return has_ended(name.process) or start_of(name.process) != name.start
 
 
+def release_the_dead(store: Store) -> None:
+    """Give free what processes of this machine had claimed that have ended."""
+    for dead in filter(is_gone, store.owners()):
+        store.release(dead)
+
+
 class _Name(NamedTuple):
     place: str
     process: int
@@ -131,11 +127,6 @@ class Claimant:
         self._over.set()
         self._thread.join(FAREWELL_S)
         self._store.release(self.owner)
-
-    def release_the_dead(self) -> None:
-        """Give free what processes of this machine had claimed that have ended."""
-        for dead in filter(is_gone, self._store.owners()):
-            self._store.release(dead)
 
     def _renew(self) -> None:
         while not self._over.wait(self.lease_s / RENEWALS):

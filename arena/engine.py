@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import NamedTuple, Protocol
 
-from nathlon.arena.claimant import LEASE_S, Claimant
+from nathlon.arena.claimant import LEASE_S, Claimant, release_the_dead
 from nathlon.arena.control import control
 from nathlon.arena.executor import Executor, Feed
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
@@ -135,7 +135,7 @@ class Work:
             if not self.left:
                 break
             prepare()
-            self._claimant.release_the_dead()
+            release_the_dead(self._store)
             left = len(self.left)
             yield from self._run(feed)
             if len(self.left) == left:

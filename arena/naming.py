@@ -24,18 +24,21 @@ def short_names(sources: Iterable[str]) -> dict[str, str]:
     one run, and so will be those that it leaves tomorrow. Only files in one folder that differ in nothing but
     their suffixes have these. What is no path has no such name.
     """
-    paths = {s: Path(os.path.abspath(s)) for s in sources if s and is_path(s)}
-    alike = Counter((path.parent, stem(path.name)) for path in set(paths.values()))
-    last = {p: p.name if alike[p.parent, stem(p.name)] > 1 else stem(p.name) for p in paths.values()}
-    folders: dict[str, set[Path]] = {}
-    for path, name in last.items():
-        folders.setdefault(name, set()).add(path.parent)
-    needed: Counter[Path] = Counter()
+    files = {s: os.path.split(os.path.abspath(s)) for s in sources if s and is_path(s)}
+    stems = {file: stem(file[1]) for file in files.values()}
+    alike = Counter((folder, name) for (folder, _), name in stems.items())
+    last = {file: file[1] if alike[file[0], name] > 1 else name for file, name in stems.items()}
+    folders: dict[str, set[str]] = {}
+    for (folder, _), name in last.items():
+        folders.setdefault(name, set()).add(folder)
+    parts = {folder: Path(folder).parts for folder, _ in stems}
+    needed: Counter[str] = Counter()
     for places in folders.values():
-        depth = next(k for k in count() if len({_end(place, k) for place in places}) == len(places))
+        depth = next(k for k in count() if len({_end(parts[place], k) for place in places}) == len(places))
         for place in places:
             needed[place] = max(needed[place], depth)
-    return {s: "/".join((*_end(p.parent, needed[p.parent]), last[p])) for s, p in paths.items()}
+    before = {folder: _end(parts[folder], needed[folder]) for folder in parts}
+    return {s: "/".join((*before[file[0]], last[file])) for s, file in files.items()}
 
 
 def longer(source: str, name: str) -> str:
@@ -47,6 +50,6 @@ def longer(source: str, name: str) -> str:
     return f"{above[-1]}/{name}" if above else name
 
 
-def _end(folder: Path, depth: int) -> tuple[str, ...]:
+def _end(parts: tuple[str, ...], depth: int) -> tuple[str, ...]:
     """The last folders of a path, from the outermost on."""
-    return folder.parts[max(len(folder.parts) - depth, 0) :]
+    return parts[max(len(parts) - depth, 0) :]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from nathlon.arena.claimant import Claimant
+from nathlon.arena.claimant import Claimant, release_the_dead
 from nathlon.arena.control import control
 from nathlon.arena.engine import FULL, POLL_S, plenty, share
 from nathlon.arena.grouping import fill, group, longest_first
@@ -142,7 +142,7 @@ class Taker:
                 if matches:
                     self._full[digest] = fill(matches[0])
                     return group(matches, idle, rounds=1)
-        self._claimant.release_the_dead()
+        release_the_dead(self._store)
         self._next = time.monotonic() + POLL_S
         return []
 

@@ -16,26 +16,18 @@ import argparse
 import json
 import multiprocessing
 import time
-from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-import polars as pl
-
 from benchmarks import large_store, report
+from benchmarks.laps import NAME, SLOWEST_S, world
 from benchmarks.result import write_result
 from nathlon.arena.entrance import enter_all
-from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue_worker import work
-from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Store
-from nathlon.arena.watch import Watch
-from nathlon.arena.world import LineUp, Measure, Setup
-from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.config import Config
 from nathlon.selection.field import EntryList
 from nathlon.selection.forecasting import forecast, habits_of
@@ -43,55 +35,11 @@ from nathlon.selection.nightly.night import NIGHT, nightly
 from nathlon.selection.pareto.filter import run_filter
 from nathlon.selection.single_run import single_run
 
-NAME = "benchmarks.team:world"
 WORKERS = 4
 CHECKPOINTS, MATCHES = 10_000, 1_250_000
 RUNS = 100
 """Training runs that they come from."""
-PATIENCE_S, SLOWEST_S = 600.0, 100.0
-
-
-class Laps:
-    """A world of one seat, in which a policy laps in the time that its file has, within half a second."""
-
-    name = NAME
-    scenarios = ("lap",)
-    measures: Mapping[str, Measure] = {}
-    baseline = "random"
-
-    def setup(self, scenario: str) -> Setup:
-        """A seat by itself."""
-        return Setup(("driver",), ((0,),))
-
-    def check(self, scenario: str) -> None:
-        """It can be driven."""
-
-    def facts(self, scenario: str) -> dict[str, Any]:
-        """Nothing else decides."""
-        return {"scenario": scenario}
-
-    def enter(self, source: str) -> Entrant:
-        """Any file is a policy."""
-        name = Path(source).stem
-        return Entrant(policy_id(source), name, source, "made up", "", "", None, None, NAME)
-
-    def policy(self, source: str) -> float:
-        """Its lap, s."""
-        return SLOWEST_S if source == self.baseline else float(Path(source).read_text())
-
-    def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
-        """Draw laps."""
-        for number, (match, policies) in line_ups.items():
-            rows = []
-            pace: Any = policies[0]
-            for index, race in enumerate(match.races):
-                lap = pace + np.random.default_rng(race.seed).normal(0.0, 0.5)
-                told = {"place": 1, "points": -lap, "score": -lap, "ending": "finished", "best_lap_s": lap}
-                rows.append(match.seat_facts(index, 0) | told)
-            yield number, pl.DataFrame(rows, schema=RESULTS)
-
-
-world = Laps()
+PATIENCE_S = 600.0
 
 
 def write_checkpoints(folder: Path, count: int) -> list[str]:

@@ -7,11 +7,22 @@ import shlex
 import socket
 import sys
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+
+def _namespace() -> str:
+    """What tells containers apart that have the same host's name: each counts its processes anew."""
+    with suppress(OSError):
+        return os.readlink("/proc/self/ns/pid")
+    return ""
+
+
 HOST = socket.gethostname()
-MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
+PLACE = f"{HOST}{_namespace()}"
+"""Where the numbers of processes hold."""
+MACHINE = f"{zlib.crc32(PLACE.encode()):08x}"
 OWNER = r"[0-9a-f]{8}\.[0-9]+\.[1-9][0-9]*"
 """Pattern of what `owner` gives."""
 

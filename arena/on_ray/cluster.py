@@ -88,7 +88,10 @@ def refusal(said: str, here: str) -> str:
         )
     # What it asks for is not how it is said here.
     reason = " ".join(said.partition("Please")[0].split()).rstrip(".")
-    return f"{reason}; expected a Ray cluster with the Ray {here} and the Python of this machine"
+    return (
+        f"{reason}; expected a Ray cluster with the Ray {here} and the Python of this machine, and "
+        "RAY_AUTH_MODE=token if it asks for a token"
+    )
 
 
 def _job() -> Any:

@@ -103,6 +103,13 @@ def use(connection: sa.Connection, name: str, keys: Sequence[str]) -> None:
         connection.execute(insert_new(connection, table), rows)
 
 
+def leave(connection: sa.Connection, name: str, keys: Sequence[str]) -> None:
+    """Note that a run does not use these matches after all."""
+    table, run = schema.run_match, _hold(connection, name)
+    for chunk in schema.chunks(keys):
+        connection.execute(table.delete().where(table.c.run == run, table.c.match.in_(chunk)))
+
+
 def results(connection: sa.Connection, name: str, stage: str | None) -> pl.DataFrame:
     """RESULTS of the matches that a run used, in that order, or of one stage's."""
     used, match, result = schema.run_match, schema.match, schema.result

@@ -161,6 +161,10 @@ class Store:
         """Note that a run used these matches, in this order, after those that it used before."""
         self._database.write(runs.use, run, list(dict.fromkeys(keys)))
 
+    def leave(self, run: str, keys: Iterable[str]) -> None:
+        """Note that a run does not use these matches after all; they stay stored."""
+        self._database.write(runs.leave, run, list(keys))
+
     def results_of_run(self, run: str, stage: str | None = None) -> pl.DataFrame:
         """RESULTS of the matches that a run used, or of one stage's, in the order in which it used them."""
         return self._database.read(runs.results, run, stage)

@@ -76,6 +76,8 @@ def verify(
         say(f"Run          {found.run}")
         say(f"Signed by    {found.signed_by or 'nobody'}")
         say(f"Raced again  {found.again} of {found.matches} matches came to the same (--seed {found.seed})")
+        for name in found.missing:
+            say(f"Not in it    {name}, which was gone when the run was decided: not raced again")
         for fault in found.faults:
             say(f"Disagrees    {fault}")
         say(f"Outcome      {'Something disagrees.' if found.faults else 'It is what it claims to be.'}")

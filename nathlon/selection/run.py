@@ -105,6 +105,7 @@ class Run:
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
     _run_again: set[str] = field(default_factory=set, init=False)
+    _asked: dict[str, Match] = field(default_factory=dict, init=False)
 
     def __post_init__(self, other_engine: MatchEngine | None) -> None:
         self.engine = other_engine or QueueEngine(self.store, self.pool)
@@ -131,6 +132,7 @@ class Run:
         if not matches:
             return pl.DataFrame(schema=RESULTS)
         wanted = {match.key: match for match in matches}
+        self._asked |= wanted
         while True:
             self._have_run(stage, wanted)
             try:
@@ -154,7 +156,8 @@ class Run:
         """What a stage comes to with the entrants that can be opened, while it is held.
 
         Whose file goes, changes or cannot be opened any more is set aside, and the stage is held without it.
-        What has run is stored, so that nothing runs twice, and earlier stages stand as they are.
+        What has run is stored, so that nothing runs twice, and earlier stages stand as they are. The run
+        uses no matches of the stage but those of the entrants that are left.
 
         Args:
             entrants: those that come to the stage.
@@ -165,8 +168,12 @@ class Run:
         """
         left = [entrant for entrant in entrants if entrant.id not in self.gone]
         while True:
+            self._asked.clear()
             try:
-                return hold(left)
+                answer = hold(left)
+                if self.gone:
+                    self._leave_others()
+                return answer
             except InputError:
                 there = intact(self.pool, left)
                 gone = {each.id: each for each, can in zip(left, there, strict=True) if not can}
@@ -174,6 +181,12 @@ class Run:
                 if not gone or not left:
                     raise
                 self.gone |= gone
+
+    def _leave_others(self) -> None:
+        """Have the run use no matches of a stage that were planned for those that were set aside."""
+        for stage in {match.stage for match in self._asked.values()}:
+            used = set(self.store.results_of_run(self.name, stage)["match"])
+            self.store.leave(self.name, used - self._asked.keys())
 
     @property
     def otherwise(self) -> str:

@@ -82,7 +82,9 @@ This process on node 10.0.0.7 was started with:
         "the cluster has Ray 2.55.1 and Python 3.12.4, this machine Ray 2.60.0 and Python 3.11.9; "
         "expected the same versions on all machines"
     )
-    assert refusal("Nobody is there. Please start one.", "2.60.0").startswith("Nobody is there; expected")
+    nobody = refusal("Nobody is there. Please start one.", "2.60.0")
+    assert nobody.startswith("Nobody is there; expected")
+    assert "RAY_AUTH_MODE" in nobody
 
 
 def node_of(cluster: Cluster, **more: Any) -> Any:

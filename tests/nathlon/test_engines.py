@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from nathlon.arena.claimant import PLACE, owner_name
+from nathlon.arena.claimant import owner_name
 from nathlon.arena.store import Store
-from nathlon.sim.process import HOST
+from nathlon.sim.process import HOST, PLACE
 from tests.support.command_line import nathlon, refused
 from tests.support.games import player, world_of
 

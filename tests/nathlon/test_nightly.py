@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from nathlon.arena.claimant import owner_name
 from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.pool import Pool
 from nathlon.arena.recording import recording_name
@@ -23,6 +24,7 @@ from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
 from nathlon.lab.pack.packing import pack_run
 from nathlon.lab.pack.verifying import Verification, verify_pack
+from nathlon.lab.sinks.telling import tell_night
 from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.summary import Sent, SetAside, read_summary
@@ -73,6 +75,7 @@ format = "1v1"
 scenario = "slipstream_pass"
 """
 """Races of seconds: what they are made of is tested elsewhere."""
+NOBODY_LISTENS = '[results]\nwebhook = "https://127.0.0.1:9"\n'
 
 
 def run(folder: Path) -> Night:
@@ -214,6 +217,36 @@ def test_only_broken_files_are_bad_for_the_health(tmp_path: Path) -> None:
     assert run(tmp_path).code == HEALTH
 
 
+def test_what_another_process_tells_is_not_told_again(
+    tmp_path: Path, folder: Path, nights: list[Night]
+) -> None:
+    """It has a lease: if it ends before it has told a night, another process does."""
+    watch_two(tmp_path, SMALL + NOBODY_LISTENS)
+    shutil.copytree(folder / "nights", tmp_path / "nights")
+    other = owner_name()
+    with Store.open(folder / "nathlon.sqlite") as store, Store(tmp_path / "nathlon.sqlite") as copy:
+        store.copy_to(copy)
+        for night in ("night-0001", "night-0002"):
+            outcome: Any = copy.facts(night)["outcome"]
+            copy.put_fact(night, "outcome", outcome | {"told": False})
+        assert copy.claim(["telling night-0001"], other, 60.0)
+        shutil.copy(WEAK, tmp_path / "checkpoints")
+        assert run(tmp_path).name == "night-0002"
+        assert run(tmp_path).reason == "Nothing is new."
+        copy.release(other)
+        told_late = run(tmp_path)
+        assert (told_late.name, told_late.told_elsewhere) == ("night-0001", False)
+        assert run(tmp_path).name is None
+        broken = tmp_path / "checkpoints" / "broken.safetensors"
+        broken.write_bytes(b"none")
+        assert copy.claim(["telling files set aside"], other, 60.0)
+        quiet = run(tmp_path)
+        assert (quiet.code, quiet.counts) == (HEALTH, False)
+        copy.release(other)
+        assert run(tmp_path).counts
+    assert tell_night(replace(told_late, told_elsewhere=True), read_config(tmp_path / "nathlon.toml")) == ()
+
+
 def test_an_empty_folder_is_told(tmp_path: Path) -> None:
     (tmp_path / "checkpoints").mkdir()
     configure(tmp_path)
@@ -248,6 +281,9 @@ def test_what_is_gone_is_not_sent_and_what_was_sent_is_found_again(tmp_path: Pat
     [sent] = summary.sent
     copy = tmp_path / "nights" / "night-0001" / str(sent.path)
     assert copy.read_bytes() == stays.read_bytes()
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        pack_run(tmp_path / "nights" / "night-0001", store, tmp_path / "night.zip")
+    assert looked_into(tmp_path / "night.zip", sample=1)[3:5] == ((gone.stem,), 1)
     assert read_summary(tmp_path / "nights" / "night-0001" / "summary.json").sent == (sent,)
     renamed = stays.rename(tmp_path / "checkpoints" / "champion.safetensors")
     shutil.copy(WEAK, tmp_path / "checkpoints")
@@ -439,11 +475,17 @@ def test_a_clock_that_jumps_changes_nothing(
 
 
 def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Night]) -> None:
-    watch_two(tmp_path)
-    for process in [forked.start("nightly", "--workers", "1", cwd=tmp_path) for _ in "ab"]:
-        _, said = process.communicate()
+    """It is told by one of them."""
+    watch_two(tmp_path, SMALL + NOBODY_LISTENS)
+    delivered = []
+    for process in [forked.start("nightly", "--workers", "1", "--json", cwd=tmp_path) for _ in "ab"]:
+        told, said = process.communicate()
         assert process.returncode == 0, said
+        delivered += json.loads(told)["delivered"]
+    assert [one["sink"] for one in delivered] == ["webhook"]
     shared, alone = (outcome(each)["runs"]["night-0001"] for each in (tmp_path, folder))
+    reason = shared["facts"]["outcome"]["reason"].partition(" Not delivered")[0]
+    shared["facts"]["outcome"]["reason"] = reason
     # Both may have put the same ballots in.
     assert shared | {"committee": None} == alone | {"committee": None}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,18 @@ import polars as pl
 import pytest
 
 from nathlon.arena.entrant import Entrant, entrants_table
+from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.arena.store.matches import Finished
 from nathlon.lab.pack import packing
 from nathlon.lab.pack.packing import pack_run
 from nathlon.lab.pack.verifying import Verification, verify_pack
 from nathlon.policies.sources.identity import policy_id
-from nathlon.results.summary import ranked, write_summary
+from nathlon.results.summary import SetAside, ranked, read_summary, write_summary
+from nathlon.selection import run as run_module
+from nathlon.selection.run import Run
 from nathlon.sim.errors import InputError
 from nathlon.tournament.points import rank
 from tests.support.checkpoints import BUNDLED
@@ -85,9 +89,73 @@ def night(store: Store, tmp_path: Path) -> Path:
     return tmp_path / "night-0001"
 
 
-def looked_into(pack: Path) -> Verification:
-    nobody: Any = type("Nobody", (), {"record": lambda self, wanted: iter(())})()
-    return verify_pack(pack, 0, 1, None, nobody, lambda *_: None)
+class Nobody:
+    """Races nothing, and notes what was asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def record(self, wanted: Iterable[Wanted]) -> Iterator[tuple[Match, Any]]:
+        self.asked += [one.match.key for one in wanted]
+        return iter(())
+
+
+def looked_into(pack: Path, sample: int = 0, drawn: list[str] | None = None) -> Verification:
+    nobody: Any = Nobody()
+    found = verify_pack(pack, sample, 1, None, nobody, lambda *_: None)
+    if drawn is not None:
+        drawn += nobody.asked
+    return found
+
+
+def test_who_was_gone_when_a_run_was_decided_is_named(night: Path, store: Store, tmp_path: Path) -> None:
+    rows = store.table("night-0001", "entrants")
+    lost = str(tmp_path / "lost.safetensors")
+    store.put_table(
+        "night-0001", "entrants", rows.with_columns(source=pl.col("source").replace(SOURCES[1], lost))
+    )
+    with pytest.raises(InputError, match=r"lost\.safetensors: is gone or has changed"):
+        pack_run(night, store, tmp_path / "run.zip")
+    summary = read_summary(night / "summary.json")
+    gone = SetAside(source=lost, reason="is gone", digest=IDS[1])
+    write_summary(night / "summary.json", summary.model_copy(update={"gone": (gone,)}))
+    pack_run(night, store, packed := tmp_path / "run.zip")
+    drawn: list[str] = []
+    found = looked_into(packed, 3, drawn)
+    assert (found.missing, found.faults, found.matches, len(drawn)) == (("e1",), (), 3, 1)
+
+    def not_said(files: dict[str, Any]) -> None:
+        files["summary.json"] = json.dumps(json.loads(files["summary.json"]) | {"gone": []}).encode()
+
+    with pytest.raises(InputError, match="is not in it, expected the checkpoint of an entrant"):
+        looked_into(repacked(packed, tmp_path / "1.zip", not_said))
+
+
+def test_a_run_leaves_the_matches_of_those_that_were_set_aside(
+    finished: list[Finished], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their files go when all have raced: ranking and pack rest on the races of the others alone."""
+    monkeypatch.setattr(run_module, "intact", lambda _, left: [one.id != IDS[2] for one in left])
+    matches = [Match.from_spec(one.spec, dict(zip(IDS, SOURCES, strict=True))) for one in finished]
+    entrants = [
+        Entrant(one, one[:6], source, "", "", "", 1, 1) for one, source in zip(IDS, SOURCES, strict=True)
+    ]
+    with Store(tmp_path / "store.sqlite") as store, Pool(1) as pool:
+        store.begin_run("night-0001", {})
+        store.add_matches(finished)
+        run = Run(store, "night-0001", (1,), pool, lambda *_: None)
+
+        def hold(left: list[Entrant]) -> pl.DataFrame:
+            there = {entrant.id for entrant in left}
+            results = run.results("tournament", [one for one in matches if there.issuperset(one.entrants)])
+            if len(left) == 3:
+                raise InputError("a file is gone")
+            return results
+
+        held = run.with_those_there(entrants, hold)
+        assert set(run.gone) == {IDS[2]}
+        assert set(held["match"]) == set(store.results_of_run("night-0001")["match"]) == {finished[0].key}
+        assert store.stored([one.key for one in finished]) == {one.key for one in finished}
 
 
 def test_a_pack_that_tells_half_of_it_is_found(night: Path, store: Store, tmp_path: Path) -> None:

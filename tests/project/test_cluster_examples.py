@@ -123,24 +123,25 @@ def test_the_image_runs_as_nobody_and_has_all_that_a_build_needs() -> None:
 
 def test_compose_runs_a_store_a_room_and_two_workers() -> None:
     services = COMPOSE["services"]
+    text = (FOLDER / "compose.yaml").read_text("utf-8")
+    values = dict(re.findall(r"^(\w+)=(.*)$", (FOLDER / ".env.example").read_text("utf-8"), re.MULTILINE))
+    assert set(re.findall(r"\$\{(\w+)", text)) == values.keys()
     assert services.keys() == {"store", "worker", "room", "night"}
     assert services["worker"]["deploy"]["replicas"] == 2
     for name in ("worker", "room", "night"):
         service = services[name]
-        command = [
-            re.sub(r"\$\{\w+(?::-(\w+)|:\?[^}]*)\}", lambda found: found[1] or "given", word)
-            for word in service["command"]
-        ]
+        written = service["command"]
+        text = written if isinstance(written, str) else shlex.join(written)
+        # As Compose does: values come first, a text is split into words then.
+        command = shlex.split(re.sub(r"\$\{(\w+)[^}]*\}", lambda found: values[found[1]], text))
         given = accepted(["nathlon", *command])
         assert given.get("store", "postgresql+psycopg://").startswith("postgresql+psycopg://")
+        assert given.get("member", ["ann", "bob"]) == ["ann", "bob"]
         assert service["read_only"]
         assert service["cap_drop"] == ["ALL"]
         assert service["depends_on"]["store"]["condition"] == "service_healthy"
         targets = {volume.split(":")[1] for volume in service["volumes"]}
         assert "/cache" in targets
     assert "ports" not in services["store"], "the store is for the others only"
-    text = (FOLDER / "compose.yaml").read_text("utf-8")
-    example = (FOLDER / ".env.example").read_text("utf-8")
-    assert set(re.findall(r"\$\{(\w+)", text)) == set(re.findall(r"^(\w+)=", example, re.MULTILINE))
     named = {volume.split(":")[0] for one in services.values() for volume in one["volumes"]}
     assert {name for name in named if not name.startswith(".")} == COMPOSE["volumes"].keys()

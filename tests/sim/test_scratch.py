@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
 import tempfile
+import zlib
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,13 @@ import pytest
 from nathlon.sim import scratch
 from nathlon.sim.process import owner
 from nathlon.sim.scratch import scratch_folder
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/ns/pid"), reason="needs Linux")
+def test_containers_with_one_name_are_machines_of_their_own() -> None:
+    """A process of one is not among those of the other, which would take it for one that has ended."""
+    place = socket.gethostname() + os.readlink("/proc/self/ns/pid")
+    assert owner().partition(".")[0] == f"{zlib.crc32(place.encode()):08x}"
 
 
 def test_what_killed_processes_left_goes_when_the_next_one_makes_a_folder(

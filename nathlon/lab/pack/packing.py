@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 
 from nathlon.arena.results import RESULTS
@@ -67,7 +67,8 @@ def pack_run(folder: Path, store: Store, out: Path, key: Path | None = None) -> 
     with scratch_folder() as scratch:
         here = Path(scratch)
         (here / MATCHES).write_text(json.dumps(_matches(store, run)), "utf-8")
-        (here / ENTRANTS_FILE).write_text(json.dumps(_entrants(store, run, here)), "utf-8")
+        gone = {one.digest for one in summary.gone}
+        (here / ENTRANTS_FILE).write_text(json.dumps(_entrants(store, run, here, gone)), "utf-8")
         files |= {path.relative_to(here).as_posix(): path for path in _files(here)}
         contents = _contents(folder, {name: path for name, path in sorted(files.items()) if path.is_file()})
     manifest = Manifest(
@@ -131,8 +132,11 @@ def _matches(store: Store, run: str) -> list[dict[str, object]]:
     ]
 
 
-def _entrants(store: Store, run: str, here: Path) -> list[dict[str, object]]:
-    """Rows of ENTRANTS of all that raced in the tournament, with copies of their files."""
+def _entrants(store: Store, run: str, here: Path, gone: Container[str]) -> list[dict[str, object]]:
+    """Rows of ENTRANTS of all that raced in the tournament, with copies of their files.
+
+    Who was gone when the run was decided has no source.
+    """
     raced = set(store.results_of_run(run, "tournament")["entrant"])
     rows = [row for row in store.table(run, "entrants").to_dicts() if row["entrant"] in raced]
     (here / CHECKPOINTS).mkdir()
@@ -148,8 +152,12 @@ def _entrants(store: Store, run: str, here: Path) -> list[dict[str, object]]:
         if is_still(source, identity):
             copy_policy(Path(source), copy)
         # After the copy too: a training run may write meanwhile.
-        if not is_still(str(copy), identity):
+        if is_still(str(copy), identity):
+            continue
+        if identity not in gone:
             raise InputError(
                 f"{source}: is gone or has changed since it raced, expected the checkpoint of the run"
             )
+        row["source"] = None
+        copy.unlink(missing_ok=True)
     return rows

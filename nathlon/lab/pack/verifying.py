@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,7 +52,9 @@ class Verification(NamedTuple):
         run: its name.
         signed_by: who has signed it; None where it is not signed.
         matches: of its tournament.
-        again: how many of them were raced again and came to the same.
+        missing: names of entrants whose checkpoints are not in it, as they were gone when the run was
+            decided; their matches are not raced again.
+        again: how many matches were raced again and came to the same.
         seed: that has drawn them.
         faults: what disagrees, in sentences.
     """
@@ -60,6 +62,7 @@ class Verification(NamedTuple):
     run: str
     signed_by: str | None
     matches: int
+    missing: tuple[str, ...]
     again: int
     seed: int
     faults: tuple[str, ...]
@@ -98,21 +101,27 @@ def verify_pack(
             signed_by = signer(files[MANIFEST], here / SIGNATURE, allowed)
         elif allowed is not None:
             raise InputError(f"{path}: is not signed, expected a signature of somebody in {allowed}")
-        matches, entrants = _read(path, files, here)
+        summary = read_summary(here / SUMMARY)
+        matches, entrants = _read(path, files, here, {one.digest for one in summary.gone})
         _check_worlds(path, matches, worlds)
         results = pl.concat([match.results for match in matches])
-        faults = _claims(read_summary(here / SUMMARY), results, entrants)
-        drawn = np.random.default_rng(seed).permutation(len(matches))[:sample]
+        faults = _claims(summary, results, entrants)
+        missing = entrants.filter(pl.col("source").is_null())
+        there = [match for match in matches if set(missing["entrant"]).isdisjoint(match.results["entrant"])]
+        drawn = np.random.default_rng(seed).permutation(len(there))[:sample]
         with Store(Path(scratch) / "again.sqlite") as store:
             _keep(path, store, matches)
-            wanted = {matches[number].key: (0,) for number in sorted(drawn.tolist())}
+            wanted = {there[number].key: (0,) for number in sorted(drawn.tolist())}
             on_match(RACED_AGAIN, 0, len(wanted))
             different: list[str] = []
-            for done, (_, answer) in enumerate(run_again(store, wanted, entrants, recorder), 1):
+            for done, (_, answer) in enumerate(
+                run_again(store, wanted, entrants.drop_nulls("source"), recorder), 1
+            ):
                 different += [f"{answer}."] if isinstance(answer, InputError) else []
                 on_match(RACED_AGAIN, done, len(wanted))
     again = len(wanted) - len(different)
-    return Verification(manifest.run, signed_by, len(matches), again, seed, (*faults, *different))
+    names = tuple(missing["name"])
+    return Verification(manifest.run, signed_by, len(matches), names, again, seed, (*faults, *different))
 
 
 def _unpack(path: Path, files: Mapping[str, bytes], here: Path) -> None:
@@ -131,8 +140,10 @@ def _keep(path: Path, store: Store, matches: Sequence[Finished]) -> None:
         raise InputError(f"{path}: {error}") from None
 
 
-def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Finished], pl.DataFrame]:
-    """Matches, and ENTRANTS with the places of their files."""
+def _read(
+    path: Path, files: Mapping[str, bytes], here: Path, gone: Container[str]
+) -> tuple[list[Finished], pl.DataFrame]:
+    """Matches, and ENTRANTS with the places of their files; null of some of those that were gone."""
     try:
         packed = TypeAdapter(list[PackedMatch]).validate_json(files[MATCHES])
         matches = [_match(one) for one in packed]
@@ -149,7 +160,10 @@ def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Fini
     if len({one.key for one in matches}) < len(matches):
         raise InputError(f"{path}: holds a match twice, expected each once")
     places = []
-    for source in entrants["source"]:
+    for identity, source in entrants.select("entrant", "source").iter_rows():
+        if source is None and identity in gone:
+            places.append(None)
+            continue
         kind = str(source).partition(":")[0]
         if source not in files if is_path(str(source)) else kind not in NO_FILES:
             raise InputError(f"{path}: {source!a} is not in it, expected the checkpoint of an entrant")
@@ -180,7 +194,7 @@ def _claims(summary: Summary, results: pl.DataFrame, entrants: pl.DataFrame) -> 
     faults = [
         f"{name} is another checkpoint than the one that raced."
         for identity, name, source in entrants.select("entrant", "name", "source").iter_rows()
-        if is_path(source) and not is_still(source, identity)
+        if source is not None and is_path(source) and not is_still(source, identity)
     ]
     if results["test"].n_unique() > 1:  # whose weights the pack does not say
         return faults

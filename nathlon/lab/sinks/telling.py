@@ -20,8 +20,11 @@ from nathlon.sim.whole_file import whole_file
 
 
 def tell_night(night: Night, config: Config) -> tuple[Delivery, ...]:
-    """Deliver a night to every sink that the configuration names, unless there is nothing to tell of it."""
-    if not night.counts:
+    """Deliver a night to every sink that the configuration names, unless another process does.
+
+    Nothing is delivered where there is nothing to tell.
+    """
+    if night.told_elsewhere or not night.counts:
         return ()
     sinks = config.results.sinks
     if night.selection is None:

@@ -53,4 +53,5 @@ def newcomers(
         elif answer.id not in known:
             same = [printable(other) for other in watched.sources(answer.id) if other != source]
             found.setdefault(answer.id, replace(answer, also=tuple(same)))
-    return named_apart(list(found.values()), short_names(watched.digests), set(known.values())), excluded
+    short = short_names(watched.digests) if found else {}
+    return named_apart(list(found.values()), short, set(known.values())), excluded

@@ -29,6 +29,7 @@ from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
 from nathlon.selection.nightly.promise import Choice, Promising, promise_of_runs
 from nathlon.selection.nightly.retention import thin_out
+from nathlon.selection.nightly.teller import claim, drop
 from nathlon.selection.nightly.watching import Watched, watch
 from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
@@ -49,6 +50,8 @@ EXCLUSION = "exclusion"
 ABANDONED = "abandoned"
 """Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
 
+OUTCOME = "outcome"
+"""Fact of a night that has ended: `code` and `reason`, and whether they were `told`."""
 NOT_JUDGED = "not_judged"
 """Fact of a night: ids of those that it could not judge."""
 TRIES = 2
@@ -69,6 +72,7 @@ class Night:
         reason: of the code, in a sentence.
         selection: what the report shows; None where nothing was new or people must vote first.
         excluded: what was set aside where nothing else was new.
+        told_elsewhere: whether another process that shares the store tells it.
     """
 
     name: str | None
@@ -77,6 +81,7 @@ class Night:
     reason: str
     selection: Selection | None
     excluded: tuple[Exclusion, ...] = ()
+    told_elsewhere: bool = False
 
     @property
     def counts(self) -> bool:
@@ -88,7 +93,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = 
     """Go on with the night that has not ended, or begin one with what is new.
 
     Processes that do this on one store at the same time share the work of one night. A night that has ended
-    stays to be told until `told` says that it was: if its process was killed before, the next one tells it.
+    stays to be told until `told` says that it was: one of them tells it, and if that was killed before, the
+    next one.
 
     Args:
         config: what to watch and how to select.
@@ -110,16 +116,17 @@ def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = 
         if untold:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
-            return Night(name, DONE, outcome["code"], outcome["reason"], selection)
+            tells = _tells(store, name)  # still: publishing may have taken long
+            return Night(name, DONE, outcome["code"], outcome["reason"], selection, (), not tells)
         watched = watch(config.checkpoints, load_world(config.world).loaders)
         found = _look(store, config, pool, watched, on_match, most)
         if found.night is None and not found.field.newcomers:
-            return _quiet(found.field)
+            return _quiet(store, found.field)
         # First: a night that cannot have its engine does not begin.
         with engine_of(config, store, pool) as engine:
             night, field = _begin(store, config, pool, watched, found, on_match, most)
             if night is None:
-                return _quiet(field)
+                return _quiet(store, field)
             number = [record.name for record in _nights(store)].index(night.name)
             output = OutputFolder(Path(config.out) / night.name)
             pool.log.keep_in(output.root / POLICY_LOG)
@@ -137,9 +144,11 @@ def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = 
             code, reason = judge(selection.summary, entered, config.nightly.max_fault_share)
             if missed := [*run.gone, *(one.entrant for one in selection.summary.not_judged)]:
                 store.put_fact(night.name, NOT_JUDGED, missed)
-            store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
-            store.end_run(night.name, DONE)
-            return Night(night.name, DONE, code, reason, selection)
+            tells = _tells(store, night.name)
+            if tells:
+                store.put_fact(night.name, OUTCOME, {"code": code, "reason": reason, "told": False})
+                store.end_run(night.name, DONE)
+            return Night(night.name, DONE, code, reason, selection, (), not tells)
 
 
 def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
@@ -164,14 +173,15 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
 
 def told(config: Config, night: Night) -> None:
     """Note that a night has been told to whoever asked for it; the last thing to do before exiting."""
-    if not night.counts:
+    if night.told_elsewhere or not night.counts:
         return
     with Store.open(config.store) as store:
         for item in night.excluded:
             store.append(EXCLUSION, asdict(item))
         if night.name is not None:
             outcome = {"code": night.code, "reason": night.reason, "told": True}
-            store.put_fact(night.name, "outcome", outcome)
+            store.put_fact(night.name, OUTCOME, outcome)
+        drop(store, night.name)
 
 
 def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
@@ -190,11 +200,12 @@ def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, 
     return OK, f"{summary.sent[0].name} is sent."
 
 
-def _quiet(field: EntryList) -> Night:
-    """A night on which there is nobody new."""
+def _quiet(store: Store, field: EntryList) -> Night:
+    """A night on which there is nobody new; what was set aside is for one process to tell."""
     if field.excluded:
         reason = f"All that is new was set aside: {field.excluded[0].reason}."
-        return Night(None, DONE, HEALTH, reason, None, field.excluded)
+        tells = claim(store, None) and not {item.key for item in field.excluded} <= _refused(store, ())
+        return Night(None, DONE, HEALTH, reason, None, field.excluded if tells else ())
     reason = " ".join(["Nothing is new:", *field.notes]) if field.notes else "Nothing is new."
     return Night(None, DONE, OK, reason, None)
 
@@ -204,14 +215,22 @@ def _nights(store: Store) -> list[RunRecord]:
 
 
 def _untold(store: Store) -> tuple[str, dict[str, Any]] | None:
-    """Name and outcome of the first night that has ended and was not told."""
+    """Name and outcome of the first night that has ended, was not told, and is for this process to tell."""
+    outcomes: Any = store.fact_of_runs(OUTCOME)
     for night in _nights(store):
-        if night.status == DONE:
-            outcome: Any = store.facts(night.name).get("outcome") or {}
-            # Nights of older versions do not say so.
-            if not outcome.get("told", True):
-                return night.name, outcome
+        outcome = outcomes.get(night.name) or {}
+        # Nights of older versions do not say so.
+        if night.status == DONE and not outcome.get("told", True) and _tells(store, night.name):
+            return night.name, outcome
     return None
+
+
+def _tells(store: Store, night: str) -> bool:
+    """Whether this process is to tell a night: no other one does, or has."""
+    if not claim(store, night):
+        return False
+    outcome: Any = store.facts(night).get(OUTCOME) or {}
+    return not outcome.get("told", False)
 
 
 class _Found(NamedTuple):
@@ -288,8 +307,8 @@ def _look(
 
 def _check_full(watched: Watched, fields: Sequence[EntryList]) -> None:
     """Raise InputError for an empty folder in which earlier nights found checkpoints."""
-    sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
     for folder in watched.empty:
+        sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
         if any(source.is_relative_to(folder) for source in sources):
             raise InputError(
                 f"{folder}: holds no checkpoint any more, expected those that earlier nights have judged"

@@ -52,7 +52,7 @@ function wayThrough(index) {
   const between = (low, high, digits) => `${number(low, digits)} to ${number(high, digits)}`;
   return h("ol", { class: "funnel" },
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
-      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)} ${measuredIn(row.objective)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
+      objectivesOf(index).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)} ${measuredIn(row.objective)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
     box("n-athlon", "n-athlon", battery, [`rank ${rankText(battery)}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
     met && box("leaderboard", MEETINGS, ranking, [`rank ${rankText(ranking)}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
       touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));

@@ -71,9 +71,21 @@ const rowOf = (columns, names, i) => {
   return row;
 };
 
+/**
+ * What a large night has much of and its first view does not show: made when first asked for.
+ * @template Made
+ * @param {() => Made} make
+ * @returns {() => Made}
+ */
+const once = (make) => {
+  /** @type {Made | undefined} */
+  let made;
+  return () => (made ??= make());
+};
+
 export const summary = data.summary;
-export const tables = /** @type {{ [Name in keyof Tables]: Row<Tables[Name]>[] }} */ (/** @type {unknown} */ (
-  Object.fromEntries(Object.entries(data.tables).map(([name, columns]) => [name, rowsOf(columns)]))));
+export const tables = /** @type {{ [Name in keyof Tables]: Row<Tables[Name]>[] }} */ (Object.defineProperties({},
+  Object.fromEntries(Object.entries(data.tables).map(([name, columns]) => [name, { get: once(() => rowsOf(columns)) }]))));
 
 // A checkpoint goes by the beginning of its digest, a built-in driver by its id.
 export const entrants = rowsOf(data.entrants).map((card, number) => ({
@@ -111,21 +123,27 @@ export const groups = (rows, key) => {
   return found;
 };
 export const skillsOf = groups(tables.skills, "entrant");
-export const objectivesOf = groups(tables.objectives, "entrant");
+const objectives = once(() => groups(tables.objectives, "entrant"));
+/** @param {number} number of an entrant */
+export const objectivesOf = (number) => objectives().get(number) ?? [];
 export const tests = [...new Set(tables.skills.map((skill) => skill.test))];
 
 export const onCircuit = summary.circuit !== "";
-const matches = rowsOf(data.matches).map((match) => (onCircuit || match.stage !== "pareto" ? match : { ...match, test: "filter" }));
-const races = rowsOf(data.races).map((race, number) => ({
-  ...race,
-  number,
-  end: data.races.first[number + 1] ?? data.cars.entrant.length,
-  ...(({ key, stage, test }) => ({ key, stage, test }))(matches[race.match]),
-}));
-export const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race]));
+const races = once(() => {
+  const matches = rowsOf(data.matches).map((match) => (onCircuit || match.stage !== "pareto" ? match : { ...match, test: "filter" }));
+  return rowsOf(data.races).map((race, number) => ({
+    ...race,
+    number,
+    end: data.races.first[number + 1] ?? data.cars.entrant.length,
+    ...(({ key, stage, test }) => ({ key, stage, test }))(matches[race.match]),
+  }));
+});
+const byKey = once(() => new Map(races().map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race])));
+/** @param {string} key `MATCH/RACE`, with the first twelve letters of the match's */
+export const raceByKey = (key) => byKey().get(key);
 
 /**
- * @typedef {typeof races[number]} Race
+ * @typedef {ReturnType<typeof races>[number]} Race
  * @typedef {Omit<Row<CarColumns>, "ending"> & { ending: string, own: Record<string, number> }} Car
  */
 
@@ -173,20 +191,16 @@ const carAt = (index) => {
 /** @param {Race} race */
 export const carsOf = (race) => Array.from({ length: race.end - race.first }, (_, i) => carAt(race.first + i));
 
-// Which races an entrant took part in; made when first asked for.
-/** @type {Race[][] | null} */
-let racesByEntrant = null;
-/** @param {number} number */
-export const racesOf = (number) => {
-  if (!racesByEntrant) {
-    racesByEntrant = /** @type {Race[][]} */ (entrants.map(() => []));
-    for (const race of races) {
-      const there = new Set(data.cars.entrant.slice(race.first, race.end));
-      for (const entrant of there) racesByEntrant[entrant].push(race);
-    }
+const racesByEntrant = once(() => {
+  const found = /** @type {Race[][]} */ (entrants.map(() => []));
+  for (const race of races()) {
+    const there = new Set(data.cars.entrant.slice(race.first, race.end));
+    for (const entrant of there) found[entrant].push(race);
   }
-  return racesByEntrant[number];
-};
+  return found;
+});
+/** @param {number} number of an entrant; the races that it took part in */
+export const racesOf = (number) => racesByEntrant()[number];
 
 /** @param {number} index of an entrant */
 export function ownCars(index) {

@@ -21,13 +21,13 @@ export const objectiveTitle = (name) => {
 /** @type {Record<string, string>} */
 const MEASURED_IN = { time_trial: "in the time trials", race: `in the filter's ${EPISODES}` };
 export const measuredIn = (name) => MEASURED_IN[objectiveUnit(name).source] ?? "in the filter";
-export const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
+export const objectiveValue = (index, name) => objectivesOf(index).find((row) => row.objective === name)?.value ?? null;
 
 export function pareto() {
   const title = h("h1", {}, "Pareto filter");
   const rows = tables.pareto.map((row) => ({
     ...row,
-    ...Object.fromEntries((objectivesOf.get(row.entrant) ?? []).map((one) => [`= ${one.objective}`, one.value])),
+    ...Object.fromEntries(objectivesOf(row.entrant).map((one) => [`= ${one.objective}`, one.value])),
     finalist: rankingOf.has(row.entrant),
   }));
   if (!rows.length) return [title, empty("No entrant has been through the filter.")];

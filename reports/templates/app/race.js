@@ -20,7 +20,7 @@ import { dataTable, entrantColumn, ownColumns } from "./table.js";
 
 /** @param {string[]} address match and race */
 export function raceView([key, index]) {
-  const race = raceByKey.get(`${key}/${index}`);
+  const race = raceByKey(`${key}/${index}`);
   if (!race) return missing("race");
   const cars = carsOf(race);
   const teams = [...groups(cars.filter((one) => one.team >= 0), "team")].sort(([a], [b]) => a - b);

@@ -12,7 +12,7 @@ import { fileHref, link, raceHref, to } from "./dom.js";
  * @param {Replay} recorded
  */
 export function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
-  const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
+  const there = raceByKey(`${match.slice(0, 12)}/${race}`);
   const name = `${capital(EPISODE)} ${match.slice(0, 6)}/${race}`;
   /** @type {[string | null, string][]} */
   const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]];
