@@ -78,15 +78,16 @@ export function projected(matrix, [x, y, z]) {
 }
 
 /**
- * A place beside a car's origin, so far ahead and above.
+ * A place beside a car's origin, so far ahead, above and to the left.
  * @param {Pose} car
  * @param {number} ahead m
  * @param {number} above m
+ * @param {number} aside m
  * @returns {Place}
  */
-export function besideCar(car, ahead, above) {
-  const [forward, , up] = axes(car);
-  return [car.x, car.y, car.z].map((part, i) => part + forward[i] * ahead + up[i] * above);
+export function besideCar(car, ahead, above, aside = 0) {
+  const [forward, left, up] = axes(car);
+  return [car.x, car.y, car.z].map((part, i) => part + forward[i] * ahead + up[i] * above + left[i] * aside);
 }
 
 /**
@@ -114,8 +115,9 @@ export function cockpitCamera(car, kind) {
 /**
  * @param {Pose} car
  * @param {number} length of cars, m
+ * @param {-1 | 0 | 1} side of the mirror: right, middle, left
  * @returns {Camera}
  */
-export function mirrorCamera(car, length) {
-  return { eye: besideCar(car, -0.4 * length, 1.25), target: besideCar(car, -30, 0.9), up: [0, 0, 1], fov: MIRROR_FOV };
+export function mirrorCamera(car, length, side) {
+  return { eye: besideCar(car, -0.4 * length, 1.25, side), target: besideCar(car, -30, 0.9, 8 * side), up: [0, 0, 1], fov: MIRROR_FOV };
 }

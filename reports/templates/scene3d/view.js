@@ -8,11 +8,15 @@ import { dashboard, handWheel, handWheelAt } from "./cockpit.js";
 import { puffModel } from "./effects.js";
 import { standing } from "./landscape.js";
 import { CAR_VERTEX, compiled, FRAGMENT, layTextures, SCENERY_VERTEX, SKY_FRAGMENT, SKY_UNIT, SKY_VERTEX } from "./shaders.js";
+import { newPace } from "./pace.js";
 import { CORNER_BYTES, LOOK, newMesh, rgb } from "./shapes.js";
 
-const MIRROR = { width: 0.3, height: 0.13 };
+// Mirrors: which side they are of, their middle and size as shares of the picture. Those of the doors are seen from the cockpit alone.
+/** @type {{ side: -1 | 0 | 1, x: number, y: number, wide: number, high: number }[]} */
+const MIRRORS = [{ side: 0, x: 0.5, y: 0.915, wide: 0.3, high: 0.13 }, { side: 1, x: 0.085, y: 0.36, wide: 0.13, high: 0.13 }, { side: -1, x: 0.915, y: 0.36, wide: 0.13, high: 0.13 }];
+const FRAME = 0.006; // of a mirror, as a share of the picture's height
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
-const SEEN_M = { standing: 600, wheels: 120 };
+const SEEN_M = { mirrored: 200, wheels: 120 };
 const SPOTS = ["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"];
 const INSTANCE = { place: 16, paint: 20, accent: 24 }; // floats until the end of each
 const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0];
@@ -33,7 +37,8 @@ const liveryOf = (name) => [...name.replace(/^\d+ /, "")].reduce((sum, letter) =
  * @param {HTMLCanvasElement} canvas
  */
 export function newView(canvas) {
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+  // Smooth edges cost most where no graphics card draws them.
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, failIfMajorPerformanceCaveat: true }) ?? canvas.getContext("webgl2", { antialias: false, alpha: false });
   return gl && viewBy(gl, canvas);
 }
 
@@ -68,6 +73,7 @@ function viewBy(gl, canvas) {
   const moving = gl.createBuffer();
   const flowing = gl.createBuffer();
   let scene = /** @type {any} */ (null); // until `show`
+  const pace = newPace();
 
   // Draws a mesh once for each instance: matrix, paint, accent.
   function draw({ buffer: corners, count }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
@@ -156,7 +162,7 @@ function viewBy(gl, canvas) {
   }
 
   // Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
-  function paint([x, y, width, height], camera, frame, { inside, mirrored = false, marks, line = -1 }) {
+  function paint([x, y, width, height], camera, frame, { inside, mirrored = false, marks, line = -1, standing }) {
     gl.viewport(x, y, width, height);
     gl.scissor(x, y, width, height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -175,8 +181,8 @@ function viewBy(gl, canvas) {
       return inner(to, ahead) > -reach && Math.hypot(...to) - reach < most;
     };
     draw(scene.meadow);
-    for (const piece of scene.ground) if (seen(piece.centre, piece.reach)) draw(piece);
-    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, SEEN_M.standing)) draw(mesh, [], held, range);
+    for (const piece of scene.ground) if (seen(piece.centre, piece.reach, mirrored ? SEEN_M.mirrored : Infinity)) draw(piece);
+    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, standing)) draw(mesh, [], held, range);
     const cars = frame.cars.map((car, i) => ({ car, i, model: modelOf(car) })).filter(({ car, i }) => !(mirrored && i === inside.mirror) && seen([car.x, car.y, car.z], 6));
     const painted = ({ car, i, model }) => [...model, ...scene.paints[i].paint, car.brake > 0.05 ? 1 : 0, ...scene.paints[i].accent];
     gl.useProgram(polished);
@@ -258,21 +264,27 @@ function viewBy(gl, canvas) {
     get kind() {
       return scene.kind;
     },
-    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, and
-    // `marks` how many marks of tyres there are by now.
+    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, `marks` how
+    // many marks of tyres there are by now, and `moving` tells that the picture follows the one before.
     /**
      * @param {{ cars: DrawnCar[], puffs?: Puff[] }} frame
      * @param {import("./cameras.js").Camera} camera
-     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null }} options
+     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null, moving?: boolean }} options
      */
-    render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null } = {}) {
-      const [width, height] = sized(canvas);
+    render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null, moving = false } = {}) {
+      const { share, standing } = pace(performance.now(), moving);
+      const [width, height] = sized(canvas, share);
       const from = { car: inside, mirror };
-      const matrix = paint([0, 0, width, height], camera, frame, { inside: from, marks, line });
-      if (mirror >= 0) {
-        const [w, h] = [Math.round(width * MIRROR.width), Math.round(height * MIRROR.height)];
-        const behind = mirrorCamera(frame.cars[mirror], scene.made.length);
-        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], behind, frame, { inside: from, marks, mirrored: true });
+      const matrix = paint([0, 0, width, height], camera, frame, { inside: from, marks, line, standing });
+      if (mirror < 0) return matrix;
+      const edge = Math.ceil(FRAME * height);
+      for (const { side, x, y, wide, high } of MIRRORS) {
+        if (side && inside !== mirror) continue;
+        const [w, h] = [Math.round(width * wide), Math.round(height * high)];
+        const [left, low] = [Math.round(width * x - w / 2), Math.round(height * y - h / 2)];
+        gl.scissor(left - edge, low - edge, w + 2 * edge, h + 2 * edge);
+        gl.clear(gl.COLOR_BUFFER_BIT);
+        paint([left, low, w, h], mirrorCamera(frame.cars[mirror], scene.made.length, side), frame, { inside: from, marks, mirrored: true, standing: Math.min(standing, SEEN_M.mirrored) });
       }
       return matrix;
     },
