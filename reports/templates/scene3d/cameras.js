@@ -51,6 +51,23 @@ export function lookAt({ eye, target, up }) {
 }
 
 /**
+ * Tells whether what lies within `reach` of a place, and no farther away than `most`, may be in the picture.
+ * @param {Camera} camera
+ * @param {number} aspect width by height
+ * @returns {(centre: Place, reach: number, most?: number) => boolean}
+ */
+export function within({ eye, target, fov }, aspect) {
+  const ahead = unit(minus(target, eye));
+  const corner = Math.atan(Math.tan(fov / 2) * Math.hypot(1, aspect));
+  return (centre, reach, most = Infinity) => {
+    const to = minus(centre, eye);
+    const [far, along] = [Math.hypot(...to), inner(to, ahead)];
+    const aside = Math.sqrt(Math.max(far ** 2 - along ** 2, 0));
+    return far - reach < most && aside * Math.cos(corner) - along * Math.sin(corner) <= reach;
+  };
+}
+
+/**
  * Axes of a car in the world: forward, left, up.
  * @param {Pose} car
  */

@@ -159,7 +159,7 @@ function details(mesh, model, h, s, rings) {
 function lamp(mesh, back, front, [low, high]) {
   const on = (k, share) => back[k].map((part, i) => part + (front[k][i] - part) * share + [0.015, 0, 0.015][i]);
   const between = (share, t) => on(low, share).map((part, i) => part + (on(high, share)[i] - part) * t);
-  mesh.quad(between(0.95, 0.1), between(0.9, 0.9), between(0.35, 0.85), between(0.5, 0.15), LAMP, LOOK.unlit);
+  mesh.quad(between(0.95, 0.1), between(0.9, 0.9), between(0.35, 0.85), between(0.5, 0.15), LAMP, LOOK.unlit, [0.6, 0, 0.8]);
 }
 
 function wing(mesh, { x, z, wide, chord }, h, s) {
@@ -187,8 +187,8 @@ function mudguard(mesh, [x, reach, top, foot], side, h, s) {
 export function wheelModel(radius) {
   const mesh = newMesh();
   const r = radius;
-  lathe(mesh, [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 20, TYRE);
-  lathe(mesh, [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 20, [44, 46, 50]);
+  lathe(mesh, [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 16, TYRE);
+  lathe(mesh, [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 16, [44, 46, 50]);
   for (let k = 0; k < 5; k++) {
     const at = (turn, radius, y) => [radius * Math.cos(1.2566 * k + turn), y, radius * Math.sin(1.2566 * k + turn)];
     mesh.quad(at(-0.35, 0.1 * r, 0.1), at(-0.16, 0.66 * r, 0.13), at(0.16, 0.66 * r, 0.13), at(0.35, 0.1 * r, 0.1), RIM, LOOK.glass, [0, 1, 0]);
