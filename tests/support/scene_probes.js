@@ -41,7 +41,7 @@ async function pixels({ newView }, { openCircuit }) {
     steered: changed(seen({ steering: 1 }, ahead), seen({}, ahead)),
     rolled: changed(seen({ distance: 0.2 }, [0, 6, 0.6]), seen({}, [0, 6, 0.6])),
     mirrors: changed(...[{ mirror: 0 }, {}].map((mirror) => seen({}, [-0.4, 0, 0.6], { inside: 0, ...mirror }).filter((_, i) => (i >> 2) % 200 < 40))),
-    within: changed(seen({}, [-0.4, 0, 0.6], { inside: 0 }), seen({}, [-0.4, 0, 0.6])),
+    within: changed(seen({}, [-1.2, 0, 0.55], { inside: 0 }), seen({}, [-1.2, 0, 0.55])),
     marked: changed(free, seen({}, above, { marks: 1 })), before: changed(free, seen({}, above, { marks: 0 })),
     dusty: changed(free, seen({}, above, { marks: 0 }, [{ place: [pose.x - 2, pose.y, pose.z + 1], size: 1, colour: [200, 180, 140], opacity: 0.5 }])),
   };
