@@ -5,8 +5,8 @@ processor alone:
 
     python -m benchmarks.scene --json FILE
 
-Figures, by camera: `pictures_s`, in the second half of the time; `share`, of the canvas's pixels on a side that
-are drawn by then, which adapts.
+Figures, by camera: `pictures_s`, in the second half of the time; `share`, of the pixels on a side that the
+canvas has, which adapts.
 """
 
 from __future__ import annotations

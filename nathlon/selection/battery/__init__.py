@@ -22,9 +22,9 @@ from nathlon.arena.world import World
 from nathlon.arena.world_registry import home
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.battery.measures import SkillMeasure, measured
+from nathlon.selection.battery.place import stretch
 from nathlon.selection.battery.ranking import MARKS, rank_battery, skills
 from nathlon.selection.battery.skill import Marks, Skill, load_skills, standing_tests
-from nathlon.selection.battery.place import stretch
 from nathlon.selection.run import Answer, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.sim.data_file import Section

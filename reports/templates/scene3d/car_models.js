@@ -177,7 +177,7 @@ function mudguard(mesh, [x, reach, top, foot], side, h, s) {
     const rise = Math.sqrt(Math.max(1 - t * t, 0));
     const [z, w] = [foot + (top - foot) * rise, 0.2 * s * (0.82 + 0.18 * rise)];
     const at = (x + t * reach) * h;
-    const low = 0.16 + 0.14 * Math.max(-t, 0); // so that the wheel is seen from behind
+    const low = 0.16 + 0.14 * Math.min(Math.max(-2 * t, 0), 1); // so that the wheel is seen from behind
     return [[at, y - w, low], [at, y - w, z - 0.05], [at, y - 0.6 * w, z], [at, y + 0.6 * w, z], [at, y + w, z - 0.05], [at, y + w, low]];
   });
   loft(mesh, rings, (k) => (k === 2 ? [PAINT, LOOK.stripe] : k === 5 ? [BLACK] : [PAINT, LOOK.paint]));

@@ -99,9 +99,9 @@ export function shared(bytes) {
   for (let i = 0; i < order.length; i++) {
     const corner = words.subarray(size * i, size * (i + 1));
     const key = corner.join();
-    let place = found.get(key);
-    if (place === undefined) {
-      found.set(key, (place = found.size));
+    const place = found.get(key) ?? found.size;
+    if (place === found.size) {
+      found.set(key, place);
       kept.set(corner, size * place);
     }
     order[i] = place;
