@@ -19,6 +19,10 @@ export function stretches() {
     h("div", { class: "stretches" }, groups.map(([, tests]) => stretch(tests.map(([test]) => plain(test)), tests[0][1].stretch_m ?? [0, 0]))));
 }
 
+/**
+ * @param {string[]} names of the tests
+ * @param {number[]} range m
+ */
 function stretch(names, [begin, end]) {
   const lap = tables.course[tables.course.length - 1].distance_m;
   const rows = tables.course.slice(0, -1).map((row) => ({ x: (row.left_x_m + row.right_x_m) / 2, y: -(row.left_y_m + row.right_y_m) / 2 }));

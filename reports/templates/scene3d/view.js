@@ -79,7 +79,10 @@ function viewBy(gl, canvas) {
   let scene = /** @type {any} */ (null); // until `show`
   const pace = newPace();
 
-  // Draws a mesh once for each instance: matrix, paint, accent.
+  /**
+   * Draws a mesh once for each instance: matrix, paint, accent.
+   * @param {Loaded} mesh
+   */
   function draw({ buffer: corners, count, order }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
     if (!many || !count) return;
     gl.bindBuffer(gl.ARRAY_BUFFER, corners);
