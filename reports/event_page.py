@@ -35,7 +35,9 @@ TEXTS = frozenset({"Entrant", "Compound", "Ending", "Plan"})
 
 
 def table_chapter(title: str, rows: Sequence[Sequence[str]], heads: Sequence[str]) -> Chapter:
-    """A chapter with a table of cells in words."""
+    """A chapter with a table of cells in words, without columns that are empty."""
+    said = [number for number in range(len(heads)) if not rows or any(row[number] for row in rows)]
+    heads, *rows = ([line[number] for number in said] for line in (heads, *rows))
     return Chapter(title, heads, rows, TEXTS)
 
 

@@ -109,7 +109,7 @@ class ActionTime(ResultModel):
     @property
     def written(self) -> str:
         """Median and 99th percentile, ms."""
-        return f"{self.median_ms:.3g} / {self.p99_ms:.3g}"
+        return f"{self.median_ms:.3f} / {self.p99_ms:.3f}"
 
     @property
     def model_mb(self) -> float | None:
@@ -179,11 +179,13 @@ class TestMarks(ResultModel):
 
     Attributes:
         asks: what the test asks, for people.
+        stretch_m: where it begins and ends, from the line; None for whole laps, or where that is not known.
     """
 
     base: float
     reference: float
     asks: str = ""
+    stretch_m: tuple[float, float] | None = None
 
 
 class SetAside(ResultModel):

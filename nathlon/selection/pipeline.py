@@ -192,7 +192,12 @@ def _summary(
         forecast=expected,
         confidence=CONFIDENCE,
         marks={
-            test: TestMarks(base=marks.base, reference=marks.reference, asks=tested.asked[test])
+            test: TestMarks(
+                base=marks.base,
+                reference=marks.reference,
+                asks=tested.asked[test],
+                stretch_m=tested.stretches[test],
+            )
             for test, marks in tested.marks.items()
         },
         tests_set_aside=tested.set_aside,

@@ -59,6 +59,16 @@ def entrant(name: str) -> Entrant:
     return Entrant(name, name, f"{name}.onnx", "unknown", "", "", None, None)
 
 
+def test_times_have_the_same_digits_in_every_row() -> None:
+    times = [
+        ActionTime(name="a", entrant="a", median_ms=ms, p99_ms=10 * ms, actions=9, model_bytes=9, machine="")
+        for ms in (0.05, 0.0516, 1.2, 12.3456)
+    ]
+    assert [one.written for one in times] == [
+        *("0.050 / 0.500", "0.052 / 0.516", "1.200 / 12.000", "12.346 / 123.456")
+    ]
+
+
 def test_a_gate_asks_for_the_99th_percentile() -> None:
     pair = RunPair(entrant("new"), entrant("old"))
 

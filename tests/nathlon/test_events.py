@@ -189,6 +189,16 @@ def test_a_circuit_is_raced_once_a_season() -> None:
         nathlon.season("driver", circuits=["lindenring", "lindenring"])
 
 
+def test_a_table_of_an_event_has_no_empty_columns() -> None:
+    rows = [["1", "a", "", "time up"], ["2", "b", "", "time up"]]
+    shown = table_chapter("Race", rows, ("Place", "Entrant", "Time", "Ending"))
+    assert shown.heads == ["Place", "Entrant", "Ending"]
+    assert shown.rows == [["1", "a", "time up"], ["2", "b", "time up"]]
+    assert table_chapter("Race", [], ("Place", "Time")).heads == ["Place", "Time"]
+    some = table_chapter("Race", [["1", ""], ["2", "61.0"]], ("Place", "Time"))
+    assert some.heads == ["Place", "Time"]
+
+
 def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:
     names = pl.when(pl.col("car") == 0).then(pl.lit("<first>")).otherwise(pl.lit("second"))
     chapters = [

@@ -17,8 +17,10 @@ from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import load_world
 from nathlon.selection.battery import DECATHLON, ON_REQUEST
 from nathlon.selection.battery.measures import MEASURES, measured
+from nathlon.selection.battery.place import stretch
 from nathlon.selection.battery.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
 from nathlon.sim.errors import InputError
+from nathlon.sim.track import load_track
 from tests.support.race_results import DEFAULTS
 from tests.support.refusals import refusal
 
@@ -200,3 +202,19 @@ def test_tests_are_found_by_name_or_path_and_have_names_of_their_own(tmp_path: P
 def test_all_measures_are_used_or_simple_to_use() -> None:
     for name in MEASURES:
         assert measured(name, load_world(RACING)) is MEASURES[name]
+
+
+def test_a_test_is_held_from_its_farthest_start_to_its_finish() -> None:
+    track = load_track("lindenring")
+    _, end = track.stretch("longest straight")
+    assert stretch(SHIPPED["braking duel"], "lindenring") == (
+        pytest.approx(end - 321.0, abs=2.0),  # 280 to 320 m, and the second up to 2 m behind
+        pytest.approx(end + 130.0, abs=1.0),
+    )
+    front, back = (stretch(SHIPPED[f"start from the {place}"], "lindenring") for place in ("front", "back"))
+    assert front is not None
+    assert back is not None
+    assert back[0] < front[0] < 0.0, "before the line, and the back of the grid farther"
+    assert back[1] == front[1] > 0.0
+    assert stretch(HOT_LAP, "lindenring") is None
+    assert stretch(SHIPPED["race craft"], "lindenring") is None

@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, expect
 from nathlon.reports.page import render, write_page
 from nathlon.results.ranks import written_rank
 from nathlon.results.selection import Selection
+from tests.support.lap_tables import RADIUS_M
 from tests.support.opened_page import Opened, full_night, views
 from tests.support.selections import PERSON, TESTS, build, card, ranked, with_tables
 
@@ -209,6 +210,12 @@ def test_n_athlon_and_matchups_show_their_tables(browser: Browser, tmp_path: Pat
     hint = opened.page.get_by_role("button", name="hot lap").get_attribute("title")
     assert hint == "The best of four laps alone. Measured in s; less is better."
     assert "The best of four laps alone." in opened.page.locator("main").inner_text()
+    (course,) = opened.page.locator(".stretches figure").all()
+    assert course.inner_text() == "grid start from −60 m to 480 m"
+    whole, held = (
+        course.locator(f".{kind}").evaluate("path => path.getTotalLength()") for kind in ("lap", "held")
+    )
+    assert held / whole == pytest.approx(540.0 / (2.0 * np.pi * RADIUS_M), rel=0.03)
     opened.go("#/matchups")
     assert opened.page.locator("#matchups .cell").count() == full.tables["matchups"].height == 30
     decided = ((pl.col("difference_low") > 0) | (pl.col("difference_high") < 0)).sum()

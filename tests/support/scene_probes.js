@@ -6,7 +6,10 @@ function triangles({ carModel, wheelModel }, name, length, width) {
   const corners = Array.from({ length: car.body.count }, (_, i) => [0, 4, 8].map((k) => view.getFloat32(20 * i + k, true)));
   const reach = [0, 1, 2].map((k) => Math.max(...corners.map((corner) => Math.abs(corner[k]))));
   const wheel = wheelModel(car.radius).count;
-  return { reach, wheels: car.wheels, triangles: (car.body.count + car.glass.count + 4 * wheel) / 3 };
+  // How high the body ends behind the rear wheels, where they are.
+  const [, , [x, y]] = car.wheels;
+  const tail = Math.min(...corners.filter((corner) => corner[0] < x - car.radius && Math.abs(corner[1]) > y - 0.15 && corner[1] ** 2 < (y + 0.1) ** 2).map(([, , z]) => z));
+  return { tail, reach, wheels: car.wheels, triangles: (car.body.count + car.glass.count + 4 * wheel) / 3 };
 }
 
 // How many pixels change with what a car does.
@@ -37,10 +40,18 @@ async function pixels({ newView }, { openCircuit }) {
     braking: red(seen({ brake: 1 }, behind)) - red(seen({}, behind)),
     steered: changed(seen({ steering: 1 }, ahead), seen({}, ahead)),
     rolled: changed(seen({ distance: 0.2 }, [0, 6, 0.6]), seen({}, [0, 6, 0.6])),
-    within: changed(seen({}, [-0.4, 0, 0.6], { inside: 0 }), seen({}, [-0.4, 0, 0.6])),
+    mirrors: changed(...[{ mirror: 0 }, {}].map((mirror) => seen({}, [-0.4, 0, 0.6], { inside: 0, ...mirror }).filter((_, i) => (i >> 2) % 200 < 40))),
+    within: changed(seen({}, [-1.2, 0, 0.55], { inside: 0 }), seen({}, [-1.2, 0, 0.55])),
     marked: changed(free, seen({}, above, { marks: 1 })), before: changed(free, seen({}, above, { marks: 0 })),
     dusty: changed(free, seen({}, above, { marks: 0 }, [{ place: [pose.x - 2, pose.y, pose.z + 1], size: 1, colour: [200, 180, 140], opacity: 0.5 }])),
   };
+}
+
+// How finely pictures are drawn that come so many ms apart, and one that stands still.
+function fineness({ newPace }, apart) {
+  const pace = newPace();
+  let now = 0;
+  return apart.map((time) => (time === null ? pace((now += 16), false) : pace((now += time), true)).share);
 }
 
 async function traces({ marksBetween, raisedBy, slides }, { openCircuit }) {

@@ -92,7 +92,7 @@ def with_tables(
         "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
         "sent": [],
         "committee": [],
-        "marks": dict.fromkeys(TESTS, MARKS),
+        "marks": dict.fromkeys(TESTS, MARKS) | {"grid_start": {**MARKS, "stretch_m": (-60.0, 480.0)}},
         "tests_set_aside": {"chicane_in_traffic": "harbour has no chicane"},
         "excluded": [{"source": BROKEN, "reason": f"{BROKEN}: not a checkpoint", "digest": None}],
         "replays": [],

@@ -22,6 +22,7 @@ from nathlon.arena.world import World
 from nathlon.arena.world_registry import home
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.battery.measures import SkillMeasure, measured
+from nathlon.selection.battery.place import stretch
 from nathlon.selection.battery.ranking import MARKS, rank_battery, skills
 from nathlon.selection.battery.skill import Marks, Skill, load_skills, standing_tests
 from nathlon.selection.run import Answer, Run
@@ -75,11 +76,13 @@ class BatteryAnswer(Answer):
         marks: what was worth how much, by test.
         set_aside: tests that could not be held here, and why.
         asked: what each of the others asks, for people.
+        stretches: where each of them is held; see `nathlon.selection.battery.place.stretch`.
     """
 
     marks: dict[str, Marks]
     set_aside: dict[str, str]
     asked: dict[str, str]
+    stretches: dict[str, tuple[float, float] | None]
 
 
 def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings) -> BatteryAnswer:
@@ -93,7 +96,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     began = time.perf_counter()
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
-        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {}, {})
+        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {}, {}, {})
     world = home(entrants[0])
     tests = load_skills(settings.tests, world) or standing_tests(world)
     set_aside = _without_room(tests, world)
@@ -130,7 +133,9 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     run.note("battery", len(entrants), len(ordered), results, began)
     not_judged = not_judged_by_tests(pl.concat([pl.DataFrame(schema=RESULTS), *tested]))
     asked = {skill.name: skill.description for skill in held}
-    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside, asked)
+    circuit = entrants[0].circuit
+    stretches = {skill.name: stretch(skill, circuit) if circuit else None for skill in held}
+    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside, asked, stretches)
 
 
 def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: SkillMeasure) -> pl.DataFrame:

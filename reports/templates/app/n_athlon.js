@@ -6,6 +6,7 @@ import { BLUES, LINES, measuredAs, profile, shade, shadeKey } from "./charts.js"
 import { data, entrantByKey, entrants, groups, nameOf, onCircuit, rowsOf, sent, skillsOf, summary, tables, tests } from "./data.js";
 import { chip, empty, entrantLink, here, interval, keep, note, plain, scroll, section } from "./dom.js";
 import { d3 } from "./libraries.js";
+import { stretches } from "./stretches.js";
 import { dataTable, entrantColumn, rankColumn, RANKS } from "./table.js";
 
 export function nAthlon() {
@@ -44,6 +45,7 @@ export function nAthlon() {
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "n-athlon" }),
     section("Profiles", note("Up to three, picked in the table. Dashed: 500 and 1,000 points."), lines),
     tables.incidents.length > 0 && section("Incidents", frozen()),
+    stretches(),
     section("Marks", marks()),
   ];
 }

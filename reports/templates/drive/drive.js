@@ -207,7 +207,7 @@ function start() {
     byId("scene").hidden = map;
     byId("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
-    else {
+    else if (!driving.finished) { // behind the result, which plays the race
       frame.cars[driving.own].steering = frame.steering;
       view?.render({ ...frame, puffs: driving.trails?.(frame) }, ...seen(frame, driving.own, settings));
     }
@@ -230,7 +230,7 @@ function newSight(model) {
    * @param {import("./link.js").Frame} frame
    * @param {number} own
    * @param {{ kind: string, mirror: boolean, line: boolean }} settings
-   * @returns {[import("../scene3d/cameras.js").Camera, { inside: number, mirror: number, line: number }]}
+   * @returns {[import("../scene3d/cameras.js").Camera, { inside: number, mirror: number, line: number, moving: boolean }]}
    */
   return (frame, own, { kind, mirror, line }) => {
     const car = frame.cars[own];
@@ -238,7 +238,7 @@ function newSight(model) {
     // The camera behind the car turns after it.
     const turn = heading === null ? 0 : Math.atan2(Math.sin(car.yaw - heading), Math.cos(car.yaw - heading));
     heading = heading === null ? car.yaw : heading + turn * 0.12;
-    return [inside ? cockpitCamera(car, model) : chaseCamera(car, heading), { inside: inside ? own : -1, mirror: mirror ? own : -1, line: line ? own : -1 }];
+    return [inside ? cockpitCamera(car, model) : chaseCamera(car, heading), { inside: inside ? own : -1, mirror: mirror ? own : -1, line: line ? own : -1, moving: true }];
   };
 }
 

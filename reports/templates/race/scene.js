@@ -18,9 +18,10 @@ export const penOf = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas
 /**
  * As many pixels as the screen has for a canvas: width, height, and how many there are in one of the page's.
  * @param {HTMLCanvasElement} canvas
+ * @param {number} share of the pixels on a side that the screen has
  */
-export function sized(canvas) {
-  const ratio = window.devicePixelRatio || 1;
+export function sized(canvas, share = 1) {
+  const ratio = (window.devicePixelRatio || 1) * share;
   const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
   if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
   return [width, height, ratio];

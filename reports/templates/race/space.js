@@ -137,7 +137,8 @@ export function spaceScene(recording, state, id) {
     const camera = shot ? tracksideCamera(shot, frame, watched, width / height)
       : state.camera === "cockpit" ? cockpitCamera(own, view.kind)
         : chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
-    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1, marks: marksBy(state.now) });
+    const within = state.camera === "cockpit" ? watched : -1;
+    const matrix = view.render(frame, camera, { inside: within, mirror: within, marks: marksBy(state.now), moving: state.playing });
     const seen = labels.map(() => false);
     for (let car = 0; car < cars; car++) {
       const [x, y, ahead] = projected(matrix, besideCar(frame.cars[car], 0, LABEL_M));

@@ -51,6 +51,23 @@ export function lookAt({ eye, target, up }) {
 }
 
 /**
+ * Tells whether what lies within `reach` of a place, and no farther away than `most`, may be in the picture.
+ * @param {Camera} camera
+ * @param {number} aspect width by height
+ * @returns {(centre: Place, reach: number, most?: number) => boolean}
+ */
+export function within({ eye, target, fov }, aspect) {
+  const ahead = unit(minus(target, eye));
+  const corner = Math.atan(Math.tan(fov / 2) * Math.hypot(1, aspect));
+  return (centre, reach, most = Infinity) => {
+    const to = minus(centre, eye);
+    const [far, along] = [Math.hypot(...to), inner(to, ahead)];
+    const aside = Math.sqrt(Math.max(far ** 2 - along ** 2, 0));
+    return far - reach < most && aside * Math.cos(corner) - along * Math.sin(corner) <= reach;
+  };
+}
+
+/**
  * Axes of a car in the world: forward, left, up.
  * @param {Pose} car
  */
@@ -78,15 +95,16 @@ export function projected(matrix, [x, y, z]) {
 }
 
 /**
- * A place beside a car's origin, so far ahead and above.
+ * A place beside a car's origin, so far ahead, above and to the left.
  * @param {Pose} car
  * @param {number} ahead m
  * @param {number} above m
+ * @param {number} aside m
  * @returns {Place}
  */
-export function besideCar(car, ahead, above) {
-  const [forward, , up] = axes(car);
-  return [car.x, car.y, car.z].map((part, i) => part + forward[i] * ahead + up[i] * above);
+export function besideCar(car, ahead, above, aside = 0) {
+  const [forward, left, up] = axes(car);
+  return [car.x, car.y, car.z].map((part, i) => part + forward[i] * ahead + up[i] * above + left[i] * aside);
 }
 
 /**
@@ -114,8 +132,9 @@ export function cockpitCamera(car, kind) {
 /**
  * @param {Pose} car
  * @param {number} length of cars, m
+ * @param {-1 | 0 | 1} side of the mirror: right, middle, left
  * @returns {Camera}
  */
-export function mirrorCamera(car, length) {
-  return { eye: besideCar(car, -0.4 * length, 1.25), target: besideCar(car, -30, 0.9), up: [0, 0, 1], fov: MIRROR_FOV };
+export function mirrorCamera(car, length, side) {
+  return { eye: besideCar(car, -0.4 * length, 1.25, side), target: besideCar(car, -30, 0.9, 8 * side), up: [0, 0, 1], fov: MIRROR_FOV };
 }

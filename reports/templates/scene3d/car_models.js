@@ -6,7 +6,7 @@ const BLACK = [24, 25, 28];
 const CARBON = [34, 36, 40];
 const GLASS = [22, 28, 36];
 const PAINT = [236, 236, 236];
-const TYRE = [27, 27, 29];
+const TYRE = [72, 72, 76];
 const RIM = [120, 124, 130];
 const LAMP = [255, 250, 228];
 const REAR_LAMP = [120, 12, 14];
@@ -17,7 +17,7 @@ const MODELS = {
   gt3: {
     axles: [0.56, -0.58], radius: 0.34,
     body: [
-      [-1, 0.8, 0.86, 0.42, 0.8, 0.86], [-0.96, 0.88, 0.94, 0.3, 0.86, 0.93], [-0.8, 0.95, 0.99, 0.2, 0.88, 0.97], [-0.62, 0.98, 1, 0.12, 0.88, 0.97],
+      [-1, 0.8, 0.86, 0.47, 0.8, 0.86], [-0.96, 0.88, 0.94, 0.42, 0.86, 0.93], [-0.8, 0.95, 0.99, 0.37, 0.88, 0.97], [-0.62, 0.98, 1, 0.34, 0.88, 0.97],
       [-0.42, 0.95, 0.97, 0.1, 0.85, 0.95], [-0.15, 0.9, 0.91, 0.1, 0.8, 0.92], [0.2, 0.9, 0.92, 0.1, 0.79, 0.92], [0.4, 0.95, 0.97, 0.1, 0.82, 0.92],
       [0.58, 0.97, 1, 0.1, 0.83, 0.89], [0.76, 0.95, 0.96, 0.1, 0.75, 0.8], [0.9, 0.9, 0.88, 0.11, 0.61, 0.67], [0.97, 0.82, 0.76, 0.13, 0.5, 0.55], [1, 0.72, 0.64, 0.2, 0.4, 0.43],
     ],
@@ -31,7 +31,7 @@ const MODELS = {
   coupe: {
     axles: [0.55, -0.6], radius: 0.345,
     body: [
-      [-1, 0.76, 0.8, 0.44, 0.9, 0.98], [-0.96, 0.86, 0.9, 0.3, 0.95, 1.03], [-0.8, 0.95, 0.97, 0.22, 0.95, 1.02], [-0.6, 0.98, 1, 0.17, 0.93, 1],
+      [-1, 0.76, 0.8, 0.47, 0.9, 0.98], [-0.96, 0.86, 0.9, 0.4, 0.95, 1.03], [-0.8, 0.95, 0.97, 0.36, 0.95, 1.02], [-0.62, 0.98, 1, 0.34, 0.93, 1],
       [-0.4, 0.96, 0.97, 0.15, 0.9, 0.97], [-0.1, 0.94, 0.94, 0.15, 0.87, 0.94], [0.2, 0.94, 0.94, 0.15, 0.86, 0.95], [0.4, 0.96, 0.97, 0.15, 0.86, 0.96],
       [0.58, 0.97, 0.98, 0.15, 0.84, 0.92], [0.78, 0.94, 0.93, 0.16, 0.78, 0.85], [0.92, 0.86, 0.84, 0.18, 0.68, 0.74], [0.98, 0.76, 0.74, 0.22, 0.58, 0.62], [1, 0.66, 0.62, 0.28, 0.48, 0.52],
     ],
@@ -45,7 +45,7 @@ const MODELS = {
   prototype: {
     axles: [0.66, -0.6], radius: 0.345,
     body: [
-      [-1, 0.74, 0.74, 0.34, 0.56, 0.6], [-0.9, 0.8, 0.8, 0.16, 0.6, 0.66], [-0.6, 0.72, 0.7, 0.09, 0.6, 0.74], [-0.3, 0.84, 0.8, 0.08, 0.56, 0.72],
+      [-1, 0.74, 0.74, 0.34, 0.56, 0.6], [-0.9, 0.8, 0.8, 0.3, 0.6, 0.66], [-0.6, 0.72, 0.7, 0.09, 0.6, 0.74], [-0.3, 0.84, 0.8, 0.08, 0.56, 0.72],
       [0, 0.86, 0.78, 0.08, 0.5, 0.62], [0.3, 0.76, 0.64, 0.08, 0.44, 0.56], [0.5, 0.62, 0.5, 0.09, 0.42, 0.52], [0.75, 0.56, 0.42, 0.12, 0.4, 0.46], [0.94, 0.5, 0.36, 0.16, 0.32, 0.36], [1, 0.4, 0.26, 0.2, 0.27, 0.29],
     ],
     cabin: [
@@ -144,21 +144,22 @@ function details(mesh, model, h, s, rings) {
     const [near, out, foot] = model.guards ? [0.4, 0.62, 0.68] : [0.78, 0.98, 0.9];
     block(mesh, [(model.cabin[5][0] + 0.17) * h, Math.min(y * near * s, y * out * s), foot], [(model.cabin[5][0] + 0.21) * h, Math.max(y * near * s, y * out * s), foot + 0.1], BLACK);
     block(mesh, [-0.36 * h, y > 0 ? 0.88 * s : -0.97 * s, 0.08], [0.34 * h, y > 0 ? 0.97 * s : -0.88 * s, 0.16], CARBON);
-    if (!model.guards) block(mesh, [-1.01 * h, y * 0.4 * s - 0.05, 0.34], [-0.95 * h, y * 0.4 * s + 0.05, 0.43], [70, 72, 76]);
+    if (!model.guards) block(mesh, [-1.01 * h, y * 0.4 * s - 0.05, tail[3] - 0.06], [-0.95 * h, y * 0.4 * s + 0.05, tail[3] + 0.03], [70, 72, 76]);
   }
   // The brake light in the middle, as high as the tail.
   mesh.quad([-1.006 * h, -0.16, tail[4] - 0.02], [-1.006 * h, 0.16, tail[4] - 0.02], [-1.006 * h, 0.16, tail[4] + 0.02], [-1.006 * h, -0.16, tail[4] + 0.02], REAR_LAMP, LOOK.brake, [-1, 0, 0]);
-  mesh.quad([-1.003 * h, -0.72 * s, 0.32], [-1.003 * h, 0.72 * s, 0.32], [-1.003 * h, 0.76 * s, tail[4] - 0.2], [-1.003 * h, -0.76 * s, tail[4] - 0.2], CARBON, LOOK.plain, [-1, 0, 0]);
+  mesh.quad([-1.003 * h, -0.72 * s, tail[3]], [-1.003 * h, 0.72 * s, tail[3]], [-1.003 * h, 0.76 * s, tail[4] - 0.17], [-1.003 * h, -0.76 * s, tail[4] - 0.17], PAINT, LOOK.paint, [-1, 0, 0]);
   if (race) block(mesh, [0.7 * h, -0.93 * s, 0.075], [1.03 * h, 0.93 * s, 0.1], CARBON);
-  block(mesh, [-1.0 * h, -0.66 * s, 0.14], [-0.82 * h, 0.66 * s, 0.3], BLACK, LOOK.plain, -0.02);
-  if (race) for (const y of [-0.45, -0.15, 0.15, 0.45]) block(mesh, [-1.02 * h, y * s - 0.012, 0.12], [-0.84 * h, y * s + 0.012, 0.34], CARBON);
+  // Between the wheels, which are seen beside it.
+  block(mesh, [-1.0 * h, -0.62 * s, 0.24], [-0.82 * h, 0.62 * s, tail[3]], BLACK, LOOK.plain, -0.02);
+  if (race) for (const y of [-0.45, -0.15, 0.15, 0.45]) block(mesh, [-1.02 * h, y * s - 0.012, 0.2], [-0.84 * h, y * s + 0.012, 0.34], CARBON);
 }
 
 // Over a part of the skin between two sections, with its edges at these points of them.
 function lamp(mesh, back, front, [low, high]) {
   const on = (k, share) => back[k].map((part, i) => part + (front[k][i] - part) * share + [0.015, 0, 0.015][i]);
   const between = (share, t) => on(low, share).map((part, i) => part + (on(high, share)[i] - part) * t);
-  mesh.quad(between(0.95, 0.1), between(0.9, 0.9), between(0.35, 0.85), between(0.5, 0.15), LAMP, LOOK.unlit);
+  mesh.quad(between(0.95, 0.1), between(0.9, 0.9), between(0.35, 0.85), between(0.5, 0.15), LAMP, LOOK.unlit, [0.6, 0, 0.8]);
 }
 
 function wing(mesh, { x, z, wide, chord }, h, s) {
@@ -176,7 +177,8 @@ function mudguard(mesh, [x, reach, top, foot], side, h, s) {
     const rise = Math.sqrt(Math.max(1 - t * t, 0));
     const [z, w] = [foot + (top - foot) * rise, 0.2 * s * (0.82 + 0.18 * rise)];
     const at = (x + t * reach) * h;
-    return [[at, y - w, 0.16], [at, y - w, z - 0.05], [at, y - 0.6 * w, z], [at, y + 0.6 * w, z], [at, y + w, z - 0.05], [at, y + w, 0.16]];
+    const low = 0.16 + 0.14 * Math.min(Math.max(-2 * t, 0), 1); // so that the wheel is seen from behind
+    return [[at, y - w, low], [at, y - w, z - 0.05], [at, y - 0.6 * w, z], [at, y + 0.6 * w, z], [at, y + w, z - 0.05], [at, y + w, low]];
   });
   loft(mesh, rings, (k) => (k === 2 ? [PAINT, LOOK.stripe] : k === 5 ? [BLACK] : [PAINT, LOOK.paint]));
 }
@@ -185,8 +187,8 @@ function mudguard(mesh, [x, reach, top, foot], side, h, s) {
 export function wheelModel(radius) {
   const mesh = newMesh();
   const r = radius;
-  lathe(mesh, [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 20, TYRE);
-  lathe(mesh, [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 20, [44, 46, 50]);
+  lathe(mesh, [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 16, TYRE);
+  lathe(mesh, [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 16, [44, 46, 50]);
   for (let k = 0; k < 5; k++) {
     const at = (turn, radius, y) => [radius * Math.cos(1.2566 * k + turn), y, radius * Math.sin(1.2566 * k + turn)];
     mesh.quad(at(-0.35, 0.1 * r, 0.1), at(-0.16, 0.66 * r, 0.13), at(0.16, 0.66 * r, 0.13), at(0.35, 0.1 * r, 0.1), RIM, LOOK.glass, [0, 1, 0]);

@@ -9,6 +9,7 @@ const MEADOW = [92, 124, 66];
 const PLAIN_M = 3000;
 const PLAIN_PARTS = 24; // on a side, as haze is reckoned at corners
 const GROUND_PIECE_M = 120; // of the lap
+const FAR_ROWS = 4; // that are drawn as one far away
 export const OUTSIDE_M = 90; // as far the land falls away behind a wall
 export const FALL_M = 9;
 const KERB_M = 0.06;
@@ -23,26 +24,28 @@ export function toward(a, b, metres) {
   return a.map((part, i) => part + ((b[i] - part) * metres) / far);
 }
 
-// The pieces: meshes with what they are within; `line` holds points by name, `ground` surfaces by row.
+// The pieces: meshes, the second for far away, with what they are within; `line` holds points by name, `ground` surfaces by row.
 export function circuitPieces({ circuit, line, ground }) {
   const n = circuit.rows;
   const spacing = circuit.lap / n;
   const rows = Math.max(Math.round(GROUND_PIECE_M / spacing), 1);
   const pieces = [];
   for (let first = 0; first < n; first += rows) {
-    const mesh = newMesh();
     const last = Math.min(first + rows, n);
-    for (let i = first; i < last; i++) layRow(mesh, { circuit, line, ground, spacing }, i);
-    if (first === 0) paintStart(mesh, line);
+    const meshes = [1, FAR_ROWS].map((step) => {
+      const mesh = newMesh();
+      for (let i = first; i < last; i += step) layRow(mesh, { circuit, line, ground, spacing }, i, Math.min(i + step, last) % n);
+      if (first === 0) paintStart(mesh, line);
+      return mesh;
+    });
     const middle = Math.floor((first + last) / 2) % n;
-    pieces.push({ mesh, centre: [line.left.x[middle], line.left.y[middle], line.left.z[middle]], reach: (last - first) * spacing / 2 + OUTSIDE_M });
+    pieces.push({ meshes, centre: [line.left.x[middle], line.left.y[middle], line.left.z[middle]], reach: (last - first) * spacing / 2 + OUTSIDE_M });
   }
   return pieces;
 }
 
-function layRow(mesh, { circuit, line, ground, spacing }, i) {
-  const n = circuit.rows;
-  const j = (i + 1) % n;
+// What lies between two rows.
+function layRow(mesh, { circuit, line, ground, spacing }, i, j) {
   const at = (name, k, up = 0) => [line[name].x[k], line[name].y[k], line[name].z[k] + up];
   const tone = 1 + 0.06 * Math.sin(i * 0.37) * Math.sin(i * 0.083);
   const dim = (colour) => colour.map((part) => part * tone);

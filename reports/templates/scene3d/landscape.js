@@ -1,7 +1,7 @@
 // What stands around a circuit: trees of two kinds and stands with people, each one shape drawn in many places.
 
 import { tracksideCameras } from "../race/trackside.js";
-import { FALL_M, OUTSIDE_M, toward } from "./circuit.js";
+import { FALL_M, OUTSIDE_M, toward, UP } from "./circuit.js";
 import { block, drawn, LOOK, newMesh } from "./shapes.js";
 
 const TREE_GAP_M = 13;
@@ -41,18 +41,25 @@ function broadleaf() {
   return mesh;
 }
 
-// Steps with a roof, looking along y to the road.
-function stand() {
+// Steps with a roof, looking along y to the road; far away, people are no more than their shirts.
+function stand(far) {
   const mesh = newMesh();
   const chance = drawn(3);
   const half = STAND_M / 2;
   for (let step = 0; step < 7; step++) {
     const [y, z] = [-step * 0.9, 1.2 + 0.6 * step];
-    block(mesh, [-half, y - 0.9, -6], [half, y, z], [158, 162, 168]);
+    const concrete = [158, 162, 168];
+    mesh.quad([-half, y, z - 0.6], [half, y, z - 0.6], [half, y, z], [-half, y, z], concrete, LOOK.plain, [0, 1, 0]);
+    mesh.quad([-half, y, z], [half, y, z], [half, y - 0.9, z], [-half, y - 0.9, z], concrete, LOOK.plain, UP);
+    for (const [x, way] of [[-half, -1], [half, 1]]) mesh.quad([x, y, -6], [x, y, z], [x, y - 0.9, z], [x, y - 0.9, -6], concrete, LOOK.plain, [way, 0, 0]);
     for (let x = -half + 0.3; x < half - 0.5; x += 0.75) {
       if (chance() < 0.22) continue;
       const shirt = [[200, 60, 54], [60, 96, 180], [236, 232, 224], [236, 190, 70], [70, 74, 84], [90, 150, 110]][Math.floor(chance() * 6)];
       const [left, front] = [x + 0.08 * chance(), y - 0.35];
+      if (far) {
+        mesh.triangle([left, front, z], [left + 0.44, front, z], [left + 0.21, front - 0.1, z + 0.9], shirt, LOOK.plain, [0, 0.8, 0.6]);
+        continue;
+      }
       mesh.quad([left, front, z], [left + 0.44, front, z], [left + 0.42, front - 0.1, z + 0.55], [left + 0.02, front - 0.1, z + 0.55], shirt, LOOK.plain, [0, 0.8, 0.6]);
       mesh.triangle([left + 0.06, front - 0.1, z + 0.56], [left + 0.36, front - 0.1, z + 0.56], [left + 0.21, front - 0.1, z + 0.9], [214, 172, 142], LOOK.plain, [0, 0.8, 0.6]);
     }
@@ -74,7 +81,7 @@ function matrixAt([x, y, z], turn, size, tall = size) {
   return [c, s, 0, 0, -s, c, 0, 0, 0, 0, tall, 0, x, y, z, 1];
 }
 
-// Where things stand, by kind: { matrix, tint, at }, along the lap.
+// Where things stand, by kind: { matrix, tint, at }, along the lap; the second mesh of a kind is for far away.
 export function standing({ circuit, line }) {
   const n = circuit.rows;
   const spacing = circuit.lap / n;
@@ -123,5 +130,5 @@ export function standing({ circuit, line }) {
       (kind < 0.5 ? firs : leaves).push({ matrix: matrixAt(foot, turn, kind < 0.5 ? size * 1.1 : size, kind < 0.5 ? size * 1.25 : size), tint, at: foot });
     }
   }
-  return [{ mesh: fir(), places: firs }, { mesh: broadleaf(), places: leaves }, { mesh: stand(), places: stands }];
+  return [{ meshes: [fir()], places: firs }, { meshes: [broadleaf()], places: leaves }, { meshes: [stand(false), stand(true)], places: stands }];
 }

@@ -37,7 +37,10 @@ export function newMesh() {
   return {
     /** @type {(a: Place, b: Place, c: Place, colour: Colour, look?: number, normal?: Place | null) => void} */
     triangle(a, b, c, colour, look = LOOK.plain, normal = null) {
-      faces.push({ points: [a, b, c], colour, look, normal: normal ?? normalOf(a, b, c), flat: normal !== null });
+      const own = normalOf(a, b, c);
+      // Seen from the side to which its normal points.
+      const points = normal && inner(own, normal) < 0 ? [a, c, b] : [a, b, c];
+      faces.push({ points, colour: points[1] === b || !Array.isArray(colour[0]) ? colour : /** @type {Colour} */ ([colour[0], colour[2], colour[1]]), look, normal: normal ?? own, flat: normal !== null });
     },
     /** @type {(a: Place, b: Place, c: Place, d: Place, colour: Colour, look?: number, normal?: Place | null) => void} */
     quad(a, b, c, d, colour, look = LOOK.plain, normal = null) {
@@ -86,6 +89,24 @@ export function newMesh() {
       return bytes;
     },
   };
+}
+
+// Packed corners without those that are there twice, and which of them the triangles have.
+export function shared(bytes) {
+  const words = new Uint32Array(bytes);
+  const size = CORNER_BYTES / 4;
+  const [found, kept, order] = [new Map(), new Uint32Array(words.length), new Uint32Array(words.length / size)];
+  for (let i = 0; i < order.length; i++) {
+    const corner = words.subarray(size * i, size * (i + 1));
+    const key = corner.join();
+    const place = found.get(key) ?? found.size;
+    if (place === found.size) {
+      found.set(key, place);
+      kept.set(corner, size * place);
+    }
+    order[i] = place;
+  }
+  return { corners: kept.subarray(0, size * found.size), order };
 }
 
 // A block from low corner to high corner; `lean` moves its top along x.

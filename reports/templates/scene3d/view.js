@@ -1,18 +1,22 @@
 // The race in three dimensions, drawn by WebGL.
 
 import { sized } from "../race/scene.js";
-import { cross, EYES, inner, lookAt, minus, mirrorCamera, modelOf, multiply, perspective, unit } from "./cameras.js";
+import { cross, EYES, lookAt, minus, mirrorCamera, modelOf, multiply, perspective, unit, within } from "./cameras.js";
 import { carModel, LIVERIES, modelNamed, shadowModel, wheelModel } from "./car_models.js";
 import { circuitPieces, meadow, UP } from "./circuit.js";
 import { dashboard, handWheel, handWheelAt } from "./cockpit.js";
 import { puffModel } from "./effects.js";
 import { standing } from "./landscape.js";
 import { CAR_VERTEX, compiled, FRAGMENT, layTextures, SCENERY_VERTEX, SKY_FRAGMENT, SKY_UNIT, SKY_VERTEX } from "./shaders.js";
-import { CORNER_BYTES, LOOK, newMesh, rgb } from "./shapes.js";
+import { newPace } from "./pace.js";
+import { CORNER_BYTES, LOOK, newMesh, rgb, shared } from "./shapes.js";
 
-const MIRROR = { width: 0.3, height: 0.13 };
+// Mirrors: which side they are of, their middle and size as shares of the picture. Those of the doors are seen from the cockpit alone.
+/** @type {{ side: -1 | 0 | 1, x: number, y: number, wide: number, high: number }[]} */
+const MIRRORS = [{ side: 0, x: 0.5, y: 0.915, wide: 0.3, high: 0.13 }, { side: 1, x: 0.085, y: 0.36, wide: 0.13, high: 0.13 }, { side: -1, x: 0.915, y: 0.36, wide: 0.13, high: 0.13 }];
+const FRAME = 0.006; // of a mirror, as a share of the picture's height
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
-const SEEN_M = { standing: 600, wheels: 120 };
+const SEEN_M = { mirrored: 200, wheels: 50, closely: 200 };
 const SPOTS = ["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"];
 const INSTANCE = { place: 16, paint: 20, accent: 24 }; // floats until the end of each
 const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0];
@@ -22,7 +26,7 @@ const MOST_MARKS = 24_000;
  * @typedef {import("./cameras.js").Pose & { speed: number, brake: number, distance?: number, progress?: number, steering?: number }} DrawnCar
  * @typedef {{ place: number[], size: number, colour: number[], opacity: number }} Puff
  * @typedef {ReturnType<typeof viewBy>} View
- * @typedef {{ buffer: WebGLBuffer, count: number }} Loaded
+ * @typedef {{ buffer: WebGLBuffer, count: number, order?: WebGLBuffer }} Loaded
  */
 
 // Which parts a livery gives a second colour: the stripe over the middle, the sills.
@@ -33,7 +37,8 @@ const liveryOf = (name) => [...name.replace(/^\d+ /, "")].reduce((sum, letter) =
  * @param {HTMLCanvasElement} canvas
  */
 export function newView(canvas) {
-  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+  // Smooth edges cost most where no graphics card draws them.
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, failIfMajorPerformanceCaveat: true }) ?? canvas.getContext("webgl2", { antialias: false, alpha: false });
   return gl && viewBy(gl, canvas);
 }
 
@@ -52,25 +57,33 @@ function viewBy(gl, canvas) {
   gl.useProgram(heaven);
   gl.uniform1i(gl.getUniformLocation(heaven, "sky"), SKY_UNIT);
   gl.enable(gl.DEPTH_TEST);
+  gl.depthFunc(gl.LEQUAL);
   gl.enable(gl.SCISSOR_TEST);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   gl.polygonOffset(-2, -2);
-  /** @type {(data: BufferSource | number, use?: number) => WebGLBuffer} */
-  const buffer = (data, use = gl.STATIC_DRAW) => {
+  /** @type {(data: BufferSource | number, use?: number, kind?: number) => WebGLBuffer} */
+  const buffer = (data, use = gl.STATIC_DRAW, kind = gl.ARRAY_BUFFER) => {
     const made = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, made);
-    gl.bufferData(gl.ARRAY_BUFFER, /** @type {any} */ (data), use);
+    gl.bindBuffer(kind, made);
+    gl.bufferData(kind, /** @type {any} */ (data), use);
     return made;
   };
   /** @type {(mesh: import("./shapes.js").Mesh, how?: { smooth?: boolean, baked?: boolean }) => Loaded} */
-  const load = (mesh, how = { baked: true }) => ({ buffer: buffer(mesh.data(how)), count: mesh.count });
+  const load = (mesh, how = { baked: true }) => {
+    const { corners, order } = shared(mesh.data(how));
+    return { buffer: buffer(corners), count: order.length, order: buffer(order, gl.STATIC_DRAW, gl.ELEMENT_ARRAY_BUFFER) };
+  };
   const screen = buffer(new Float32Array([-1, -1, 3, -1, -1, 3]));
   const moving = gl.createBuffer();
   const flowing = gl.createBuffer();
   let scene = /** @type {any} */ (null); // until `show`
+  const pace = newPace();
 
-  // Draws a mesh once for each instance: matrix, paint, accent.
-  function draw({ buffer: corners, count }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
+  /**
+   * Draws a mesh once for each instance: matrix, paint, accent.
+   * @param {Loaded} mesh
+   */
+  function draw({ buffer: corners, count, order }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
     if (!many || !count) return;
     gl.bindBuffer(gl.ARRAY_BUFFER, corners);
     gl.vertexAttribPointer(spots.place, 3, gl.FLOAT, false, CORNER_BYTES, 0);
@@ -79,7 +92,9 @@ function viewBy(gl, canvas) {
     gl.bindBuffer(gl.ARRAY_BUFFER, held ?? moving);
     if (!held) gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(instances), gl.STREAM_DRAW);
     [spots.model0, spots.model1, spots.model2, spots.model3, spots.paint, spots.accent].forEach((spot, k) => gl.vertexAttribPointer(spot, 4, gl.FLOAT, false, 4 * INSTANCE.accent, 4 * (INSTANCE.accent * first + 4 * k)));
-    gl.drawArraysInstanced(gl.TRIANGLES, 0, count, many);
+    if (!order) return gl.drawArraysInstanced(gl.TRIANGLES, 0, count, many);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, order);
+    gl.drawElementsInstanced(gl.TRIANGLES, count, gl.UNSIGNED_INT, 0, many);
   }
 
   function prepareScene() {
@@ -90,16 +105,16 @@ function viewBy(gl, canvas) {
   }
 
   // Things that stand along the lap, in pieces as the ground is.
-  function planted({ mesh, places }) {
+  function planted({ meshes, places }) {
     const instances = new Float32Array(places.flatMap(({ matrix, tint }) => [...matrix, tint, tint, tint, 0, 0, 0, 0, 1]));
     const pieces = [];
-    const size = 24;
+    const size = 8;
     for (let first = 0; first < places.length; first += size) {
       const part = places.slice(first, first + size);
       const centre = [0, 1, 2].map((k) => part.reduce((sum, { at }) => sum + at[k] / part.length, 0));
       pieces.push({ range: [first, part.length], centre, reach: 15 + Math.max(...part.map(({ at }) => Math.hypot(...minus(at, centre)))) });
     }
-    return { mesh: load(mesh), held: buffer(instances), pieces };
+    return { meshes: meshes.map((mesh) => load(mesh)), held: buffer(instances), pieces };
   }
 
   function show(made) {
@@ -107,7 +122,7 @@ function viewBy(gl, canvas) {
     const model = carModel(kind, made.length, made.width);
     scene = {
       made, kind, wheels: model.wheels, radius: model.radius,
-      ground: circuitPieces(made).map(({ mesh, ...piece }) => ({ ...piece, ...load(mesh) })), meadow: load(meadow(made.line)),
+      ground: circuitPieces(made).map(({ meshes, ...piece }) => ({ ...piece, meshes: meshes.map((mesh) => load(mesh)) })), meadow: load(meadow(made.line)),
       planted: standing(made).map(planted),
       body: load(model.body, { smooth: true }), cabin: load(model.glass, { smooth: true }), wheel: load(wheelModel(model.radius), { smooth: true }),
       shadow: load(shadowModel(made.length, made.width)), puff: load(puffModel()),
@@ -150,17 +165,14 @@ function viewBy(gl, canvas) {
     gl.enableVertexAttribArray(0);
     gl.vertexAttribDivisor(0, 0);
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    gl.disable(gl.DEPTH_TEST);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.enable(gl.DEPTH_TEST);
   }
 
   // Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
-  function paint([x, y, width, height], camera, frame, { inside, mirrored = false, marks, line = -1 }) {
+  function paint([x, y, width, height], camera, frame, { inside, mirrored = false, marks, line = -1, standing }) {
     gl.viewport(x, y, width, height);
     gl.scissor(x, y, width, height);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    paintSky(camera, width / height, mirrored);
     prepareScene();
     const matrix = multiply(perspective(camera, width / height, mirrored), lookAt(camera));
     [scenery, polished].forEach((program, k) => {
@@ -168,21 +180,28 @@ function viewBy(gl, canvas) {
       gl.uniformMatrix4fv(cameras[k], false, matrix);
     });
     gl.uniform3fv(eye, camera.eye);
-    gl.useProgram(scenery);
-    const ahead = unit(minus(camera.target, camera.eye));
-    const seen = (centre, reach, most = Infinity) => {
-      const to = minus(centre, camera.eye);
-      return inner(to, ahead) > -reach && Math.hypot(...to) - reach < most;
-    };
-    draw(scene.meadow);
-    for (const piece of scene.ground) if (seen(piece.centre, piece.reach)) draw(piece);
-    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, SEEN_M.standing)) draw(mesh, [], held, range);
+    const seen = within(camera, width / height);
+    const away = ({ centre }) => Math.hypot(...minus(centre, camera.eye));
+    const fine = (piece, meshes) => (away(piece) < SEEN_M.closely ? meshes[0] : meshes.at(-1));
     const cars = frame.cars.map((car, i) => ({ car, i, model: modelOf(car) })).filter(({ car, i }) => !(mirrored && i === inside.mirror) && seen([car.x, car.y, car.z], 6));
     const painted = ({ car, i, model }) => [...model, ...scene.paints[i].paint, car.brake > 0.05 ? 1 : 0, ...scene.paints[i].accent];
     gl.useProgram(polished);
+    gl.enable(gl.CULL_FACE);
+    gl.frontFace(mirrored ? gl.CW : gl.CCW);
     draw(scene.body, cars.flatMap(painted));
     draw(scene.cabin, cars.filter(({ i }) => i !== inside.car).flatMap(painted));
     draw(scene.wheel, cars.filter(({ car }) => seen([car.x, car.y, car.z], 6, SEEN_M.wheels)).flatMap(({ car, model }) => wheelsOf(car, model)));
+    gl.disable(gl.CULL_FACE);
+    gl.useProgram(scenery);
+    for (const { meshes, held, pieces } of scene.planted) {
+      for (const piece of pieces) if (seen(piece.centre, piece.reach, standing)) draw(fine(piece, meshes), [], held, piece.range);
+    }
+    // What is near first: what it hides costs little then.
+    const ground = scene.ground.filter(({ centre, reach }) => seen(centre, reach, mirrored ? SEEN_M.mirrored : Infinity)).sort((a, b) => away(a) - away(b));
+    for (const piece of ground) draw(fine(piece, piece.meshes));
+    draw(scene.meadow);
+    paintSky(camera, width / height, mirrored);
+    prepareScene();
     gl.useProgram(scenery);
     gl.enable(gl.BLEND);
     gl.enable(gl.POLYGON_OFFSET_FILL);
@@ -258,21 +277,27 @@ function viewBy(gl, canvas) {
     get kind() {
       return scene.kind;
     },
-    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, and
-    // `marks` how many marks of tyres there are by now.
+    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, `marks` how
+    // many marks of tyres there are by now, and `moving` tells that the picture follows the one before.
     /**
      * @param {{ cars: DrawnCar[], puffs?: Puff[] }} frame
      * @param {import("./cameras.js").Camera} camera
-     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null }} options
+     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null, moving?: boolean }} options
      */
-    render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null } = {}) {
-      const [width, height] = sized(canvas);
+    render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null, moving = false } = {}) {
+      const { share, standing } = pace(performance.now(), moving);
+      const [width, height] = sized(canvas, share);
       const from = { car: inside, mirror };
-      const matrix = paint([0, 0, width, height], camera, frame, { inside: from, marks, line });
-      if (mirror >= 0) {
-        const [w, h] = [Math.round(width * MIRROR.width), Math.round(height * MIRROR.height)];
-        const behind = mirrorCamera(frame.cars[mirror], scene.made.length);
-        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], behind, frame, { inside: from, marks, mirrored: true });
+      const matrix = paint([0, 0, width, height], camera, frame, { inside: from, marks, line, standing });
+      if (mirror < 0) return matrix;
+      const edge = Math.ceil(FRAME * height);
+      for (const { side, x, y, wide, high } of MIRRORS) {
+        if (side && inside !== mirror) continue;
+        const [w, h] = [Math.round(width * wide), Math.round(height * high)];
+        const [left, low] = [Math.round(width * x - w / 2), Math.round(height * y - h / 2)];
+        gl.scissor(left - edge, low - edge, w + 2 * edge, h + 2 * edge);
+        gl.clear(gl.COLOR_BUFFER_BIT);
+        paint([left, low, w, h], mirrorCamera(frame.cars[mirror], scene.made.length, side), frame, { inside: from, marks, mirrored: true, standing: Math.min(standing, SEEN_M.mirrored) });
       }
       return matrix;
     },
