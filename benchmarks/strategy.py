@@ -37,7 +37,7 @@ from nathlon.policies.environments.lap_race import LapRace
 from nathlon.policies.environments.strategy_env import model_of
 from nathlon.policies.load import load_policy
 from nathlon.policies.stint_model import StintModel
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import Stint
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules, rule_parameters

@@ -13,7 +13,7 @@ from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import Composite, CompositePart
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import Stint, StintPlan
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import settings_of
