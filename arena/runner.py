@@ -209,7 +209,7 @@ class _Meeting:
             compound = scenario.compound or self.world.car.tyre.compound
             self._usual = WhenNeeded(self.world.car, compound, scenario.fuel_rate)
         advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
-        self._pit_walls = PitWalls(self.world, scenario.laps, advised, notes)
+        self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
@@ -260,7 +260,7 @@ class _Meeting:
                     own = policy.strategist if isinstance(policy, Composite) else None
                     strategist = own or self._usual
                     if strategist is not None:
-                        yield Advised(index, car, strategist)
+                        yield Advised(index, car, number, seat.entrant, strategist)
 
     def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
         match, first, grid = self._matches[number], self._races[number].start, self._endings.shape[1]
@@ -310,7 +310,8 @@ class _Meeting:
         self._watch.work()
         self.world.step(self._actions.reshape(*state.shape, 2), self._reaction.tick)
         self._void_faulty_races(driving)
-        self._pit_walls.listen()
+        if failed := self._pit_walls.listen():
+            self._retire(np.ravel_multi_index(tuple(zip(*failed, strict=True)), state.shape), "policy_raised")
         end_runs(self.world, self._endings, self._time_s)
         if np.count_nonzero(state["driving"]) == before:
             return False

@@ -60,9 +60,7 @@ class StintPlanner:
         after = search.after_stop(laps - soonest, max(left_kg[soonest], 0.0), rest)
         return after.service if after else None
 
-    def fuel_for(
-        self, compound: str, left: int, fuel_kg: float, pit: PitParameters, tank_kg: float
-    ) -> float:
+    def fuel_for(self, compound: str, left: int, fuel_kg: float, pit: PitParameters, tank_kg: float) -> float:
         """Fuel for the fastest stint on a compound with so many laps to go; a full tank if none lasts.
 
         Args:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,7 +61,7 @@ class _Tyres(NamedTuple):
 
 
 class _Ways(NamedTuple):
-    """Ways to drive on after a stop, without it: (n,) kg in the tank, (n,) s to the finish, (n,) the tyres."""
+    """Ways to drive on after a stop, without it: (n,) kg in the tank, s to the finish, and which tyres."""
 
     fuel_kg: Floats
     seconds: Floats
@@ -119,7 +118,7 @@ class StintSearch:
         return None if ways is None else self._best(ways, self._stopped(ways, fuel_kg))
 
     def seconds(self, left: int, fuel_kg: float, rest: Rest) -> float:
-        """What is left from a stop on to which a car comes with some fuel, s; inf if nothing can be driven."""
+        """What is left from a stop on to which a car comes with some fuel, s; inf if there is no way."""
         known = rest[left]
         return np.inf if known is None else float(np.interp(fuel_kg, self._fuel_kg, known))
 
