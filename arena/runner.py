@@ -22,7 +22,7 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources.composite import Composite
-from nathlon.policies.strategy import Strategist, WhenNeeded
+from nathlon.policies.strategy import usual_strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.observation import ObservationSpec
@@ -204,10 +204,7 @@ class _Meeting:
         if begin is not None:
             for team in self._teams:
                 team.recall(begin.memory)
-        self._usual: Strategist | None = None
-        if scenario.stops_when_needed:
-            compound = scenario.compound or self.world.car.tyre.compound
-            self._usual = WhenNeeded(self.world.car, compound, scenario.fuel_rate)
+        self._usual = usual_strategist(scenario, self.world.car)
         advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
         self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [

@@ -13,6 +13,8 @@ from nathlon.sim.world import Service
 
 SPARE_KG = 2.0
 """More fuel in a stint than its laps took in practice."""
+MARGIN_S = 3.0
+"""By so much a stop must gain: models err by some seconds a stop, and who stops meets slower cars."""
 CELLS = 40
 """Into which a tank is divided; between them what the rest takes is interpolated."""
 
@@ -30,7 +32,7 @@ class NextStint(NamedTuple):
         laps: until the next stop, or to the end.
         fuel_kg: in the tank at its beginning.
         used_kg: of it.
-        seconds: what is left of the race takes, the stop included.
+        seconds: what is left of the race takes, the stop included, with the margin of every stop.
     """
 
     compound: str
@@ -137,7 +139,7 @@ class StintSearch:
     def _stopped(self, ways: _Ways, fuel_kg: Floats | float) -> Floats:
         """What ways take with the stop before them, s; inf where fuel would have to be taken out."""
         added = ways.fuel_kg - fuel_kg
-        stop_s = self._model.stop_s + service_s(self._pit, True, np.maximum(added, 0.0))
+        stop_s = self._model.stop_s + MARGIN_S + service_s(self._pit, True, np.maximum(added, 0.0))
         return np.where(added < -1e-9, np.inf, ways.seconds + stop_s)
 
     def _ways(

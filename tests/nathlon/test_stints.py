@@ -124,6 +124,18 @@ def test_a_stint_never_lasts_longer_than_was_practised() -> None:
         plans(model, 12, PIT, 80.0, 1)
 
 
+def test_tyres_are_planned_for_as_long_as_the_policy_came_round_on_them() -> None:
+    laps = practised(8, 0.0, np.random.default_rng(1)).filter(
+        (pl.col("compound") == COMPOUNDS[1]) | (pl.col("age") <= 3)
+    )
+    model = fit(laps)
+    assert [len(compound.lap_s) for compound in stint_model(model).compound] == [3, 8]
+    found = plans(model, 8, PIT, 80.0, 3)
+    soft = [laps for plan in found for compound, laps in of(plan) if compound == 0]
+    assert soft
+    assert max(soft) <= 3
+
+
 def test_a_small_tank_makes_short_stints() -> None:
     model = fit(practised(8, 0.0, np.random.default_rng(1)))
     assert all(stint.laps <= 3 for plan in plans(model, 6, PIT, 15.0, 5) for stint in plan.stints)
