@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from nathlon.arena.stints import DrivenStint, written
+from nathlon.arena.watch import Watch
+from nathlon.policies.sources.strategist import StrategistError
 from nathlon.policies.strategy import PitWall, Strategist
 from nathlon.sim.physics.pit_lane import ENTERING, ON_ROAD, REJOINING
 from nathlon.sim.timing import gaps
 from nathlon.sim.weather import Weather
-from nathlon.sim.world import World
+from nathlon.sim.world import Service, World
+
+log = logging.getLogger(__name__)
 
 ARRAYS = "_begun", "_stops", "_inside"
 """Attributes with a number or flag of each car."""
@@ -22,10 +27,12 @@ PLACES = 3
 
 
 class Advised(NamedTuple):
-    """A car that has a strategist; `race` and `car` are indices."""
+    """A car that has a strategist; all others are indices, those of match and entrant for the watch."""
 
     race: int
     car: int
+    match: int
+    entrant: int
     strategist: Strategist
 
 
@@ -41,16 +48,20 @@ class _Begun(NamedTuple):
 class PitWalls:
     """All strategists of a world, and what their cars drive between stops."""
 
-    def __init__(self, world: World, laps: int | None, advised: Sequence[Advised], notes: str = "") -> None:
+    def __init__(
+        self, world: World, laps: int | None, advised: Sequence[Advised], watch: Watch, notes: str = ""
+    ) -> None:
         """Fit the cars as their strategists have them start, unless their races go on.
 
         Args:
             world: whose cars are at their start.
             laps: of its races.
             advised: who has a strategist.
+            watch: told before a strategist is asked.
             notes: as of `notes`, of races that go on; empty at their start.
         """
-        self._world, self._laps, self._advised = world, laps, advised
+        self._world, self._laps, self._advised, self._watch = world, laps, advised, watch
+        self._at_fault: list[tuple[int, int]] = []
         shape = world.state.shape
         self._begun = np.full(shape, -1.0)
         self._stops, self._inside = np.zeros(shape, np.int64), np.zeros(shape, bool)
@@ -62,8 +73,9 @@ class PitWalls:
         if notes:
             self._recall(notes)
             return
-        for race, car, strategist in advised:
-            service = strategist.start(self._wall(race, car))
+        for one in advised:
+            race, car = one.race, one.car
+            service = self._ask(one, start=True) or Service()
             world.fit(race, car, service)
             self._asked[race, car] = service.compound
             self._fitted(race, car)
@@ -87,13 +99,20 @@ class PitWalls:
             self._driven[race, car] = [DrivenStint(*one) for one in driven]
             self._stint[race, car] = _Begun(*stint)
 
-    def listen(self) -> None:
+    def listen(self) -> list[tuple[int, int]]:
         """Ask the strategists of cars that began a lap in the last step, the first too, and tell the cars.
 
         Whoever begins it on the way to the box is asked after the service.
+
+        Returns:
+            race and car of those whose strategist has failed since the last call.
         """
-        if not self._advised:
-            return
+        if self._advised:
+            self._ask_all()
+        at_fault, self._at_fault = self._at_fault, []
+        return at_fault
+
+    def _ask_all(self) -> None:
         self._note_stops()
         state = self._world.state
         laps = np.floor(state["progress"] / self._world.track.length)
@@ -101,11 +120,25 @@ class PitWalls:
         if not began.any():
             return
         self._begun[began] = laps[began]
-        for race, car, strategist in self._advised:
+        for one in self._advised:
+            race, car = one.race, one.car
             if began[race, car]:
-                service = strategist.decide(self._wall(race, car))
+                service = self._ask(one)
                 self._world.ask_stop(race, car, service)
                 self._asked[race, car] = service.compound if service else None
+
+    def _ask(self, one: Advised, start: bool = False) -> Service | None:
+        """What a strategist says, who may be a user's own code; nothing where it fails."""
+        wall = self._wall(one.race, one.car)
+        self._watch.ask(one.match, one.entrant, start)
+        try:
+            return one.strategist.start(wall) if start else one.strategist.decide(wall)
+        except StrategistError as error:
+            log.warning("%s: its car is out", error)
+            self._at_fault.append((one.race, one.car))
+            return None
+        finally:
+            self._watch.work()
 
     def stints(self, races: slice) -> dict[tuple[int, int], str]:
         """What the cars with a strategist drove in some races, as RESULTS has it.

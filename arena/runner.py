@@ -22,7 +22,7 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources.composite import Composite
-from nathlon.policies.strategy import Strategist, WhenNeeded
+from nathlon.policies.strategy import usual_strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.observation import ObservationSpec
@@ -204,12 +204,9 @@ class _Meeting:
         if begin is not None:
             for team in self._teams:
                 team.recall(begin.memory)
-        self._usual: Strategist | None = None
-        if scenario.stops_when_needed:
-            compound = scenario.compound or self.world.car.tyre.compound
-            self._usual = WhenNeeded(self.world.car, compound, scenario.fuel_rate)
+        self._usual = usual_strategist(scenario, self.world.car)
         advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
-        self._pit_walls = PitWalls(self.world, scenario.laps, advised, notes)
+        self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
@@ -260,7 +257,7 @@ class _Meeting:
                     own = policy.strategist if isinstance(policy, Composite) else None
                     strategist = own or self._usual
                     if strategist is not None:
-                        yield Advised(index, car, strategist)
+                        yield Advised(index, car, number, seat.entrant, strategist)
 
     def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
         match, first, grid = self._matches[number], self._races[number].start, self._endings.shape[1]
@@ -310,7 +307,8 @@ class _Meeting:
         self._watch.work()
         self.world.step(self._actions.reshape(*state.shape, 2), self._reaction.tick)
         self._void_faulty_races(driving)
-        self._pit_walls.listen()
+        if failed := self._pit_walls.listen():
+            self._retire(np.ravel_multi_index(tuple(zip(*failed, strict=True)), state.shape), "policy_raised")
         end_runs(self.world, self._endings, self._time_s)
         if np.count_nonzero(state["driving"]) == before:
             return False

@@ -1,9 +1,9 @@
 """Whether a planner stops when it should: against fixed plans, alone on the road and in a field of twenty.
 
-`python -m benchmarks.strategy --json FILE [--seeds N] [--laps N] [--circuits NAME,NAME] [--policy NAME]
-[--out FOLDER]` has the policy practise (`nathlon stints`), and then races its planner against plans of one,
-two and three stops with even stints, each on the compound that the model likes best for it. Figures by
-circuit:
+`python -m benchmarks.strategy --json FILE [--seeds N] [--field-seeds N] [--laps N] [--circuits NAME,NAME]
+[--policy NAME] [--out FOLDER]` has a policy practise (`nathlon stints`), the champion of each circuit if none
+is named, and then races its planner against plans without a stop and of one, two and three stops with even
+stints, each on the compound that the model likes best for it. Figures by circuit:
 
 - `alone`: race time by strategy and seed, s;
 - `expected_s`: of the fixed plans, by the model;
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,35 +34,45 @@ import nathlon
 from benchmarks.result import write_result
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
+from nathlon.policies.bundled import champion
 from nathlon.policies.environments.lap_race import LapRace
 from nathlon.policies.environments.strategy_env import model_of
 from nathlon.policies.load import load_policy
+from nathlon.policies.sources import is_path
 from nathlon.policies.stint_model import StintModel
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import Stint
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.scenario import load_scenario
 
 CIRCUITS = ("lindenring", "porto-sereno", "grandes-landes")
-CAR, POLICY = "gt3", "driver:pace=0.95"
+CAR = "gt3"
 SCENARIO = "grand_prix_stops"
 COMPOUNDS = ("racing-medium", "racing-hard")
-STOPS = (1, 2, 3)
+STOPS = (0, 1, 2, 3)
 NEAR = 1.003
 PLANNER = "planner"
 
 
 def even(model: StintModel, laps: int, stops: int) -> tuple[Stint, ...]:
-    """Even stints on the compound on which the model expects them to be fastest, with the fuel they need."""
+    """Even stints on the compound on which the model expects them to be fastest.
+
+    They begin with the fuel of the whole race, as far as the tank holds it: to fill it in takes longer.
+    """
     ends = np.rint(np.linspace(0, laps, stops + 2)).astype(int)
     lengths = np.diff(ends).tolist()
     taken = {one.name: sum(one.laps(0.0, length)[0].sum() for length in lengths) for one in model.compound}
     [compound] = [one for one in model.compound if one.name == min(taken, key=taken.__getitem__)]
-    fuel = [round(float(compound.laps(0.0, length)[1].sum()) + SPARE_KG, 1) for length in lengths]
+    used = [float(compound.laps(0.0, length)[1].sum()) for length in lengths]
+    tank_kg = load_car(CAR).fuel.capacity_kg
     return tuple(
-        Stint(laps=length, compound=compound.name, fuel_kg=kg)
-        for length, kg in zip(lengths, fuel, strict=True)
+        Stint(
+            laps=length,
+            compound=compound.name,
+            fuel_kg=round(min(sum(used[number:]) + SPARE_KG, tank_kg), 1),
+        )
+        for number, length in enumerate(lengths)
     )
 
 
@@ -80,7 +91,8 @@ def expected_s(model: StintModel, stints: Sequence[Stint], laps: int) -> float:
 
 def written(folder: Path, policy: str, name: str, stints: Sequence[Stint]) -> str:
     """A plan as a composite."""
-    lines = [f"name = {json.dumps(name)}", "[[part]]", f"policy = {json.dumps(policy)}"]
+    part = os.path.relpath(policy, folder) if is_path(policy) else policy
+    lines = [f"name = {json.dumps(name)}", "[[part]]", f"policy = {json.dumps(part)}"]
     for stint in stints:
         lines += [
             "[[stint]]",
@@ -127,8 +139,10 @@ def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Ra
     return run_match(match, [load_policy(source, circuit, CAR) for source in sources.values()])
 
 
-def measure(circuit: str, policy: str, laps: int, seeds: Sequence[int], folder: Path) -> dict[str, Any]:
-    """The figures of a circuit."""
+def measure(
+    circuit: str, policy: str, laps: int, seeds: Sequence[int], in_field: Sequence[int], folder: Path
+) -> dict[str, Any]:
+    """The figures of a circuit, given the seeds of races alone and in a field."""
     practised = nathlon.stints(
         policy,
         scenario=f"{SCENARIO}:laps={laps}",
@@ -145,7 +159,7 @@ def measure(circuit: str, policy: str, laps: int, seeds: Sequence[int], folder: 
     print(circuit, json.dumps(driven), flush=True)
     best = min(sources, key=lambda name: fmean(driven[name]))
     began = time.perf_counter()
-    places = field(str(practised.planner), sources[best], circuit, laps, seeds)
+    places = field(str(practised.planner), sources[best], circuit, laps, in_field)
     return {
         "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
         "expected_s": {name: round(expected_s(model, stints, laps), 3) for name, stints in fixed.items()},
@@ -155,7 +169,7 @@ def measure(circuit: str, policy: str, laps: int, seeds: Sequence[int], folder: 
     }
 
 
-def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
     """The figures over all circuits."""
     near, errors, gained, hours, wall_s = [], [], [], 0.0, 0.0
     for one in circuits.values():
@@ -174,9 +188,9 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
         wall_s += one["field_wall_s"]
     return {
         "within_0.3_percent": round(fmean(near), 3),
-        "places_gained": round(fmean(gained), 2),
+        "places_gained": round(fmean(gained), 2) if gained else None,
         "model_error": round(fmean(errors), 5),
-        "hours_a_minute": round(hours / (wall_s / 60.0), 2),
+        "hours_a_minute": round(hours / (wall_s / 60.0), 2) if gained else None,
     }
 
 
@@ -185,18 +199,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Race a planner against fixed plans.")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--field-seeds", type=int, help="in a field; as many as alone by default")
     parser.add_argument("--laps", type=int, default=12)
     parser.add_argument("--circuits", default=",".join(CIRCUITS))
-    parser.add_argument("--policy", default=POLICY)
+    parser.add_argument("--policy", help="the champion of each circuit by default")
     parser.add_argument("--out", type=Path, default=Path("runs/strategy"), help="folder for the strategies")
     options = parser.parse_args(arguments)
     seeds = range(1, options.seeds + 1)
+    in_field = seeds if options.field_seeds is None else range(1, options.field_seeds + 1)
     circuits = {}
     for circuit in options.circuits.split(","):
-        circuits[circuit] = measure(circuit, options.policy, options.laps, seeds, options.out / circuit)
+        policy = options.policy or str(champion(circuit, CAR))
+        circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, options.out / circuit)
         print(circuit, json.dumps(circuits[circuit]), flush=True)
     told = summary(circuits)
-    known = {"seeds": options.seeds, "laps": options.laps, "policy": options.policy}
+    known = {
+        "seeds": options.seeds,
+        "field_seeds": len(in_field),
+        "laps": options.laps,
+        "policy": options.policy or "the champion of each circuit",
+    }
     write_result(options.json, known | {"circuits": circuits} | told)
     print(json.dumps(told))
 

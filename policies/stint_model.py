@@ -87,7 +87,7 @@ class StintModel(Section):
         return self
 
 
-def service_s(pit: PitParameters, tyres: bool, added_kg: float) -> float:
-    """How long a car stands for new tyres or fuel or both, s."""
+def service_s(pit: PitParameters, tyres: bool, added_kg: Floats) -> Floats:
+    """How long a car stands for new tyres or fuel or both, s; of any shape, as the fuel is."""
     fitting, filling = (pit.tyres if tyres else 0.0), added_kg / pit.fuel_rate
-    return max(fitting, filling) if pit.together else fitting + filling
+    return np.maximum(fitting, filling) if pit.together else fitting + filling

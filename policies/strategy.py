@@ -13,7 +13,7 @@ from pydantic import Field, field_validator
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import Section
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.scenario import MOST_LAPS
+from nathlon.sim.scenario import MOST_LAPS, Scenario
 from nathlon.sim.weather import Weather, wet_share
 from nathlon.sim.world import Service
 
@@ -175,3 +175,13 @@ class WhenNeeded:
         grips = suiting(wall.film_mm, (on, *(self._compounds if wall.forecast else self._compounds[:1])))
         best = max(grips, key=grips.__getitem__)
         return best if grips[best] > BETTER * grips[on] else on
+
+
+def usual_strategist(scenario: Scenario, car: Car) -> Strategist | None:
+    """Who decides for cars whose policies have no strategist; None where they never stop."""
+    compound = scenario.compound or car.tyre.compound
+    if scenario.stops_when_needed:
+        return WhenNeeded(car, compound, scenario.fuel_rate)
+    if scenario.stop_after is not None:
+        return StintPlan([Stint(laps=scenario.stop_after), Stint(laps=1, compound=compound)])
+    return None

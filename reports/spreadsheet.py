@@ -76,6 +76,18 @@ MATCHUPS = (
     Column("difference_high", "Difference high [points/race]", "+0.00;-0.00;0.00", 15),
     Column("contacts_per_km", "Contacts [1/km]", "0.000", scale=ORANGES),
 )
+STRATEGIES = (
+    Column("name", "Policy", width=28),
+    Column("strategy", "Strategy", width=18),
+    Column("points", "Points [1/race]", "0.00", scale=BLUES),
+    Column("points_low", "Points low [1/race]", "0.00"),
+    Column("points_high", "Points high [1/race]", "0.00"),
+    Column("effect", "Effect [points/race]", "+0.00;-0.00;0.00", 15, DIVERGING),
+    Column("effect_low", "Effect low [points/race]", "+0.00;-0.00;0.00", 15),
+    Column("effect_high", "Effect high [points/race]", "+0.00;-0.00;0.00", 15),
+    Column("units", "Units", "#,##0"),
+)
+"""Of an event: both, and each with all of the others."""
 ELSEWHERE = (Column("score", "Score", "0.00"), Column("measures", "Measures", width=30))
 """What only other worlds measure."""
 RACES = (
@@ -112,10 +124,10 @@ MATCH_DIGITS = 12
 def write_spreadsheet(selection: Selection, path: Path) -> Path:
     """Write the workbook, whole or not at all, and return its path.
 
-    Sheets: Committee, Ranking, Skills, Weighted, Matchups, Pareto, Races, Run, Files. The first row of Skills
-    has a weight for every test, which may be changed; Weighted is the order that follows. No text of the
-    selection becomes a formula or a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run
-    counts those left out.
+    Sheets: Committee, Ranking, Skills, Weighted, Matchups, Pareto, Races, Run, Files, and Strategies where
+    policies are crossed with them. The first row of Skills has a weight for every test, which may be changed;
+    Weighted is the order that follows. No text of the selection becomes a formula or a link. Races holds at
+    most `ROW_LIMIT` rows, the last stages first; Run counts those left out.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -142,6 +154,14 @@ def _write(selection: Selection, path: Path) -> None:
             opponents, on="opponent", how="left", maintain_order="left"
         )
         write_sheet(workbook, "Matchups", _filled(selection, MATCHUPS, matchups), matchups)
+        strategies = selection.tables["strategies"].rename({"policy": "name"})
+        if not strategies.is_empty():
+            write_sheet(
+                workbook,
+                "Strategies",
+                STRATEGIES,
+                strategies.with_columns(name=_all("name"), strategy=_all("strategy")),
+            )
         _pareto(workbook, selection)
         races = selection.results.join(names, on="entrant", how="left", maintain_order="left").with_columns(
             name=pl.coalesce("name", "entrant"),  # a fixed opponent is no entrant
@@ -158,6 +178,11 @@ def _write(selection: Selection, path: Path) -> None:
         write_sheet(workbook, "Races", _filled(selection, RACES, races), shown)
         _run(workbook, selection, left_out=max(0, races.height - ROW_LIMIT))
         write_sheet(workbook, "Files", (*ENTRANT, *ORIGIN), selection.tables["entrants"])
+
+
+def _all(column: str) -> pl.Expr:
+    """What a row of STRATEGIES is about, where that is all of them too."""
+    return pl.when(pl.col(column) == "").then(pl.lit("all")).otherwise(pl.col(column))
 
 
 def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFrame) -> tuple[Column, ...]:

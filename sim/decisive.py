@@ -62,6 +62,7 @@ DECISIVE = (
     "policies/policy_file.py",
     "policies/stint_model.py",
     "policies/stint_planner.py",
+    "policies/stint_search.py",
     "policies/strategy.py",
     "policies/strict_json.py",
     "policies/temper.py",

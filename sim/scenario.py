@@ -73,6 +73,7 @@ class Scenario(Section):
         weather: what may come, one of which does; without any the road stays as it is.
         film_mm: water on the road at the start; needs weather.
         stops_when_needed: whether cars that have no plan stop for tyres and fuel when they need some.
+        stop_after: laps after which they stop instead, once, for new tyres.
         action_hz: actions a second, one number or one for each starting place.
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
@@ -96,6 +97,7 @@ class Scenario(Section):
     weather: tuple[Weather, ...] = ()
     film_mm: Film = 0.0
     stops_when_needed: bool = False
+    stop_after: Annotated[int, Field(ge=1, le=MOST_LAPS)] | None = None
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
 
@@ -103,6 +105,8 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if self.laps is not None and self.finish_m is not None:
             raise ValueError("laps and finish_m exclude each other")
+        if self.stops_when_needed and self.stop_after is not None:
+            raise ValueError("stops_when_needed and stop_after exclude each other")
         if self.film_mm > 0.0 and not self.weather:
             raise ValueError("film_mm is given, expected weather beside it")
         if isinstance(self.start, FrozenStart) and len(self.start.car) != self.cars:

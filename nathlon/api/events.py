@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import polars as pl
 
@@ -66,6 +67,17 @@ class WeekendResult(EnduranceResult):
     ) -> None:
         super().__init__(race.folder, race.results, race.laps, race.page)
         self.circuit, self.practice, self.qualifying = circuit, practice, qualifying
+
+
+class WeekendOptions(TypedDict, total=False):
+    """What the weekends of a season have in common; each as for `weekend`."""
+
+    car: str
+    laps: int
+    scenario: str
+    practice: bool
+    workers: int | None
+    progress: bool
 
 
 class SeasonResult:
@@ -201,14 +213,9 @@ def season(
     entrants: Candidates,
     *,
     circuits: Sequence[str],
-    car: str = CAR,
-    laps: int = 40,
-    scenario: str = "weekend",
-    practice: bool = True,
     seed: int = 1,
-    workers: int | None = None,
     out: str | Path = "runs/season",
-    progress: bool = True,
+    **options: Unpack[WeekendOptions],
 ) -> SeasonResult:
     """Weekends on several circuits, and a table of points.
 
@@ -217,9 +224,9 @@ def season(
     Args:
         entrants: as for `weekend`; all must be able to drive every circuit.
         circuits: shipped names or paths, each once.
-        car, laps, scenario, practice, workers, progress: as for `weekend`.
         seed: of the first weekend; each other has the next.
         out: folder for all that it leaves.
+        options: `car`, `laps`, `scenario`, `practice`, `workers` and `progress` of `weekend`.
 
     Raises:
         InputError: as for `weekend`; and if a circuit is named twice.
@@ -234,14 +241,9 @@ def season(
         weekend(
             given,
             circuit=circuit,
-            car=car,
-            laps=laps,
-            scenario=scenario,
-            practice=practice,
             seed=seed + number,
-            workers=workers,
             out=folder / f"{number + 1}-{Path(circuit).stem}",
-            progress=progress,
+            **options,
         )
         for number, circuit in enumerate(circuits)
     ]

@@ -14,6 +14,8 @@ from nathlon.terminal import new_table, print_json, print_table, say
 if TYPE_CHECKING:
     import polars as pl
 
+    from nathlon.api.events import WeekendOptions
+
 Entrants = Annotated[
     list[str],
     typer.Argument(help="Entrants: checkpoints, composites with stints, driver:pace=0.95, plugin:NAME."),
@@ -87,14 +89,9 @@ def weekend(
         result = nathlon.weekend(
             entrants,
             circuit=circuit,
-            car=car,
-            laps=laps,
-            scenario=scenario,
-            practice=not no_practice,
             seed=seed,
-            workers=workers,
             out=out,
-            progress=not as_json,
+            **_options(car, laps, scenario, no_practice, workers, as_json),
         )
     if as_json:
         practice = None if result.practice is None else result.practice.to_dicts()
@@ -131,14 +128,9 @@ def season(
         result = nathlon.season(
             entrants,
             circuits=circuits.split(","),
-            car=car,
-            laps=laps,
-            scenario=scenario,
-            practice=not no_practice,
             seed=seed,
-            workers=workers,
             out=out,
-            progress=not as_json,
+            **_options(car, laps, scenario, no_practice, workers, as_json),
         )
     if as_json:
         print_json(result.table.to_dicts())
@@ -148,6 +140,20 @@ def season(
         table.add_row(*(f"{value:g}" if isinstance(value, float) else str(value) for value in row))
     print_table(table)
     say(f"Page         {result.page}")
+
+
+def _options(
+    car: str, laps: int, scenario: str, no_practice: bool, workers: int | None, as_json: bool
+) -> WeekendOptions:
+    """What a weekend and those of a season take."""
+    return {
+        "car": car,
+        "laps": laps,
+        "scenario": scenario,
+        "practice": not no_practice,
+        "workers": workers,
+        "progress": not as_json,
+    }
 
 
 def _start() -> None:

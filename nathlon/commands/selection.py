@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,7 +36,7 @@ RESULTS = ("Won", "Drawn", "Lost")
 
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
-    from nathlon.results.summary import SetAside, Summary
+    from nathlon.results.summary import Crossed, SetAside, Summary
     from nathlon.selection.config import Config
     from nathlon.selection.field import Exclusion
 
@@ -223,6 +223,7 @@ def stoppable(how_to_go_on: str) -> Iterator[None]:
 def print_verdict(summary: Summary) -> None:
     """Print the ranking and who is sent."""
     _print_ranking(summary)
+    _print_strategies(summary.strategies)
     sent = summary.sent
     lacking = "that could be judged passed the gates" if summary.not_judged else "passed the gates"
     say(f"Sent         {sent[0].name if sent else f'nobody: no finalist {lacking}'}")
@@ -289,3 +290,24 @@ def _print_ranking(summary: Summary) -> None:
     print_table(table)
     if times:
         say(f"Action       {summary.timed_on}")
+
+
+def _print_strategies(crossed: Sequence[Crossed]) -> None:
+    """Print policies crossed with strategies, and what each of them adds."""
+    if not crossed:
+        return
+    points = {(one.policy, one.strategy): one for one in crossed}
+    policies = [one for one in crossed if not one.strategy]
+    strategies = [one for one in crossed if not one.policy]
+    heads = ("Policy", *(one.strategy for one in strategies), "Effect")
+    table = new_table(f"Points a race over {strategies[0].units} units", heads, ("Policy",))
+
+    def effect(one: Crossed) -> str:
+        return figure(one.effect, one.effect_low, one.effect_high, "+.2f")
+
+    for row in policies:
+        both = (points[row.policy, one.strategy] for one in strategies)
+        cells = (figure(one.points, one.points_low, one.points_high) for one in both)
+        table.add_row(row.policy, *cells, effect(row))
+    table.add_row("Effect", *map(effect, strategies), "")
+    print_table(table)

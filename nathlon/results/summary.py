@@ -91,6 +91,21 @@ class Ranked(ResultModel):
         return written_rank(self.rank, self.worst_rank)
 
 
+class Crossed(ResultModel):
+    """A policy with a strategy, or one of them with all of the others; see STRATEGIES."""
+
+    policy: str
+    strategy: str
+    entrant: str | None
+    points: float
+    points_low: float | None
+    points_high: float | None
+    effect: float
+    effect_low: float | None
+    effect_high: float | None
+    units: int
+
+
 class ActionTime(ResultModel):
     """What an action of an entrant costs on one machine; see `nathlon.arena.action_cost.ActionCost`.
 
@@ -290,6 +305,7 @@ class Summary(ResultModel):
         recording, replay: of the deciding race; paths from the report's folder.
         log: of what policies have printed, likewise; None where they have printed nothing.
         report: the page; path from the folder of `summary.json`.
+        strategies: policies crossed with strategies; empty where they are not.
         action_times: what an action of each finalist costs, which is another figure on another machine.
         processors: kinds of processors that ran matches, and how many; see `nathlon.arena.processor`.
     """
@@ -328,6 +344,7 @@ class Summary(ResultModel):
     replay: str | None = None
     log: str | None = None
     report: str | None = None
+    strategies: tuple[Crossed, ...] = ()
     action_times: tuple[ActionTime, ...] = ()
     processors: dict[str, int] = Field(default_factory=dict)
 

@@ -41,7 +41,7 @@ def _parts(entrant: Entrant) -> tuple[str, str, str]:
         return entrant.id, stem(source), NO_STRATEGY
     composite = CompositeSource.read(Path(source))
     if len(composite.file.part) > 1:
-        plain = composite.file.model_copy(update={"stint": (), "planner": None})
+        plain = composite.file.model_copy(update={"stint": (), "planner": None, "strategist": None})
         ids = [policy_id(part) for part in composite.sources]
         policy = CompositeSource(composite.path, plain).identity(ids)
         return policy, composite.file.name, composite.file.strategy_label

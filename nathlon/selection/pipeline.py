@@ -14,7 +14,7 @@ from typing import Any
 import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
-from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, STRATEGIES, VOID_ENDINGS
 from nathlon.arena.voids import NotJudged, most_void
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import is_path
@@ -22,6 +22,7 @@ from nathlon.policies.sources.identity import is_still
 from nathlon.results.forecast import Forecast
 from nathlon.results.summary import (
     ActionTime,
+    Crossed,
     MostVoid,
     Sent,
     SetAside,
@@ -213,6 +214,9 @@ def _summary(
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
         stages_set_aside=stages_set_aside,
+        strategies=tuple(
+            Crossed(**row) for row in tables.get("strategies", pl.DataFrame(schema=STRATEGIES)).to_dicts()
+        ),
     )
 
 

@@ -144,7 +144,7 @@ class LapRace:
     def _stop(self, car: int, service: Service) -> None:
         added = max(min(service.fuel_kg or 0.0, self._tank_kg) - self.fuel_kg[car], 0.0)
         tyres = service.compound is not None
-        self.time_s[car] += self._model.stop_s + service_s(self._pit, tyres, float(added))
+        self.time_s[car] += self._model.stop_s + float(service_s(self._pit, tyres, added))
         self.fuel_kg[car] += added
         self.stops[car] += 1
         if service.compound is not None:

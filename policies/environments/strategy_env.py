@@ -121,7 +121,8 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
         race = self._begun()
         left = max(self._laps - race.lap - (0 if self._on_grid else 1), 1)
         name = self._names[action - 1]
-        return Service(name, self._planner.fuel_for(name, left, self._pit, self._tank_kg))
+        fuel_kg = 0.0 if self._on_grid else float(race.fuel_kg[self._car])
+        return Service(name, self._planner.fuel_for(name, left, fuel_kg, self._pit, self._tank_kg))
 
     def planned(self) -> int:
         """The action that comes nearest to what the planner does."""

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
+from nathlon.policies.sources.strategist import load_strategist, strategist_id
 from nathlon.policies.stint_model import StintModel
 from nathlon.policies.stint_planner import StintPlanner
 from nathlon.policies.strategy import Stint, StintPlan, Strategist
@@ -24,6 +25,8 @@ from nathlon.sim.track import Track, load_track
 
 NO_FILES = (DRIVER, PLUGIN)
 """What the names of policies that are no files begin with."""
+STRATEGIES = ("stint", "planner", "strategist")
+"""Fields of which one at most says what a composite's strategy is."""
 PLACE = 2
 """Numbers of the memory that tell where a car started and how far it has come."""
 
@@ -58,8 +61,9 @@ class CompositeFile(Section):
     Attributes:
         stint: its strategy: what it drives on which tyres, and where it stops.
         strategy: what its strategy is called where policies are raced with several; as it stops if not given.
-        planner: its strategy instead: a stint model, by which every lap it plans where to stop. With neither
-            it never stops.
+        planner: its strategy instead: a stint model, by which every lap it plans where to stop.
+        strategist: its strategy instead: the user's own code, `PATH.py:NAME` from the file's folder. Without
+            any of these it never stops.
     """
 
     name: Name
@@ -67,11 +71,13 @@ class CompositeFile(Section):
     strategy: Name | None = None
     stint: tuple[Stint, ...] = ()
     planner: StintModel | None = None
+    strategist: Annotated[str, Field(max_length=1024, pattern=r"^[^\x00]+\.py:[^\W\d]\w*$")] | None = None
 
     @model_validator(mode="after")
     def _one_strategy(self) -> CompositeFile:
-        if self.stint and self.planner:
-            raise ValueError("stint and planner are two strategies, expected one of them")
+        given = [name for name in STRATEGIES if getattr(self, name)]
+        if len(given) > 1:
+            raise ValueError(f"{given[0]} and {given[1]} are two strategies, expected one of them")
         return self
 
     @property
@@ -79,14 +85,8 @@ class CompositeFile(Section):
         """What its strategy is called."""
         stops = max(len(self.stint) - 1, 0)
         usual = "planner" if self.planner else f"{stops} stop{'s' if stops != 1 else ''}"
-        return self.strategy or usual
-
-    @property
-    def strategist(self) -> Strategist | None:
-        """Who decides when its cars stop; None if they never do."""
-        if self.planner:
-            return StintPlanner(self.planner)
-        return StintPlan(self.stint) if self.stint else None
+        own = self.strategist.rpartition(":")[2] if self.strategist else ""
+        return self.strategy or own or usual
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,8 @@ class CompositeSource:
         facts = [part.model_dump_json(exclude={"policy"}) for part in self.file.part]
         facts += [stint.model_dump_json() for stint in self.file.stint]
         facts += [self.file.planner.model_dump_json()] if self.file.planner else []
+        own = self.file.strategist
+        facts += [strategist_id(own, self.path.parent)] if own else []
         return hashlib.sha256("\n".join([*facts, *ids]).encode()).hexdigest()
 
     def load(self, circuit: str, car: str, load: Load) -> Composite:
@@ -148,10 +150,19 @@ class CompositeSource:
         sources = [self.source(part) for part in parts]
         policies = [load(source, circuit, car) for source in sources]
         spec = joint_spec(sources, [policy.observation_spec for policy in policies])
+        strategist = self._strategist(circuit, car)
         try:
-            return Composite(track, parts, policies, spec, self.file.strategist)
+            return Composite(track, parts, policies, spec, strategist)
         except InputError as error:
             raise InputError(f"{self.path}: sections: {error}") from None
+
+    def _strategist(self, circuit: str, car: str) -> Strategist | None:
+        """Who decides when its cars stop; None if they never do."""
+        if self.file.strategist:
+            return load_strategist(self.file.strategist, self.path.parent, circuit, car)
+        if self.file.planner:
+            return StintPlanner(self.file.planner)
+        return StintPlan(self.file.stint) if self.file.stint else None
 
 
 class Composite:

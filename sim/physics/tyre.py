@@ -21,6 +21,8 @@ WORN_GRIP = 0.12
 SPENT_GRIP = 0.4
 """Share of the grip lost for each further wear beyond that."""
 LEAST_GRIP = 0.5
+GONE = 1.75
+"""Wear from which on a tyre has its least grip, and wears no more."""
 
 Four = tuple[float, float, float, float]
 """A number of each wheel: front left, front right, rear left, rear right."""

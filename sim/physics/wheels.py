@@ -12,7 +12,7 @@ from __future__ import annotations
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.body import small_sin_cos
-from nathlon.sim.physics.tyre import Four, Ground, broadcast, maximum, minimum, tyre_force
+from nathlon.sim.physics.tyre import GONE, Four, Ground, broadcast, maximum, minimum, tyre_force
 from nathlon.sim.simd import (
     absolute,
     add,
@@ -208,7 +208,8 @@ def step_wheels(
     store(car.spin, 0, add(spin, change))
     if wear_rate > 0.0:
         slide = add(absolute(multiply(pull, sliding)), absolute(multiply(fy, across)))
-        store(car.wear, 0, fma(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0)))
+        worn = fma(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0))
+        store(car.wear, 0, minimum(worn, broadcast(GONE)))
     rolled = multiply(multiply(load(ground.drag, 0), loads), along)
     pull = subtract(pull, divide(rolled, add(absolute(along), ROLLING_SPEED)))
     x = fma(cosines, pull, multiply(negate(sines), fy))

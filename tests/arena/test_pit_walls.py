@@ -11,8 +11,11 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.runner import run_match
 from nathlon.arena.stints import DrivenStint, read
+from nathlon.arena.watch import Watch
 from nathlon.policies.load import load_policy
+from nathlon.policies.sources.composite import Composite
 from nathlon.policies.sources.identity import policy_id
+from nathlon.policies.sources.strategist import OwnStrategist
 from nathlon.policies.strategy import PitWall, Stint, StintPlan
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import PitParameters
@@ -132,8 +135,8 @@ def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
     track, strategist = load_track("lindenring"), Listening()
     world = World(track, load_car("gt3"), 1, 1, Conditions(weather=weather, film_mm=0.2))
     world.reset(0, load_scenario("stint").place(track, np.random.default_rng(1)))
-    advised = [Advised(0, 0, strategist)]
-    walls = PitWalls(world, None, advised)
+    advised = [Advised(0, 0, 0, 0, strategist)]
+    walls = PitWalls(world, None, advised, Watch())
     world.step(np.array([[[0.5, 0.0]]]))
     world.state["progress"] = 1.0
     walls.listen()
@@ -142,10 +145,34 @@ def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
     # The shower that would have begun by now has not.
     assert [one.chance for one in first.forecast] == [0.75, 0.25]
     assert [one.shower for one in first.forecast] == [weather[0].shower, weather[1].shower]
-    again = PitWalls(world, None, advised, walls.notes)
+    again = PitWalls(world, None, advised, Watch(), walls.notes)
     assert again.notes == walls.notes
     again.listen()
     assert len(strategist.walls) == 2, "the lap has begun before"
+
+
+class Failing:
+    """A user's strategist that fits a car, and then raises."""
+
+    def start(self, wall: PitWall) -> Service:
+        return Service("racing-hard")
+
+    def decide(self, wall: PitWall) -> Service | None:
+        raise ValueError("no idea")
+
+
+def test_a_car_whose_strategist_fails_is_out_and_the_others_race_on(
+    caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    source, ids = written(tmp_path, PART), ("failing", "none")
+    races = (Race(1, (Seat(0), Seat(1))),)
+    match = Match("race", "fails", "stint:laps=1,cars=2", "lindenring", "gt3", ids, (source,) * 2, races)
+    failing, other = (load_policy(source, "lindenring", "gt3") for _ in ids)
+    assert isinstance(failing, Composite)
+    failing.strategist = OwnStrategist("Failing", Failing())
+    results = run_match(match, [failing, other]).sort("entrant")
+    assert results["ending"].to_list() == ["policy_raised", "finished"]
+    assert "strategist Failing: decide raised ValueError (no idea): its car is out" in caplog.text
 
 
 def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ import pytest
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
+from nathlon.commands.selection import _print_strategies
 from nathlon.policies.sources.identity import policy_id
+from nathlon.results.summary import Crossed
 from nathlon.selection.crossing import cells
 from nathlon.selection.round_robin import TournamentSettings, run_round_robin
 from nathlon.selection.run import Run
@@ -83,7 +85,9 @@ def test_composites_are_policies_with_strategies(entrants: list[Entrant]) -> Non
     assert cells([plain])[plain.id] == CrossedEntrant("driver:pace=0.9", "0 stops")
 
 
-def test_an_event_tells_the_effects_of_policies_and_strategies(entrants: list[Entrant]) -> None:
+def test_an_event_tells_the_effects_of_policies_and_strategies(
+    entrants: list[Entrant], capsys: pytest.CaptureFixture[str]
+) -> None:
     truth = {e: POINTS[cell.policy] + POINTS[cell.strategy] for e, cell in cells(entrants).items()}
     settings = TournamentSettings(format="event", pairs=4, sequential=False)
     answer, matches = run_round_robin(cast(Run, Planted(truth)), entrants, settings)
@@ -93,3 +97,10 @@ def test_an_event_tells_the_effects_of_policies_and_strategies(entrants: list[En
     # Each drives five of the twenty cars, whose points are added.
     assert effects == pytest.approx({name: 5 * points for name, points in POINTS.items()}, abs=0.3)
     assert set(table["entrant"].drop_nulls()) == {entrant.id for entrant in entrants}
+    _print_strategies([Crossed(**row) for row in table.iter_rows(named=True)])
+    head, *rows, effects_of_strategies = [
+        line.split("│") for line in capsys.readouterr().out.splitlines() if "│" in line or "┃" in line
+    ]
+    assert [row[1].strip() for row in rows] == ["driver:pace=0.9", "driver:pace=0.8"]
+    assert effects_of_strategies[2].strip().startswith("+2.5")
+    assert "early" in head[0]

@@ -37,6 +37,7 @@ PAIRS: list[tuple[Callable[..., Any], Callable[..., Any], set[str]]] = [
     (race, nathlon.race, {"record"}),  # a switch, and a folder
     (recipes, nathlon.recipes, set()),
     (season, nathlon.season, set()),
+    (season, nathlon.weekend, {"out"}),  # what its weekends take
     (stints, nathlon.stints, {"compounds"}),  # with commas, and in a row
     (train, nathlon.train, {"coach"}),  # none of some is None for typer
     (twin, nathlon.twin, set()),
@@ -55,7 +56,9 @@ def defaults(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("command", "function", "otherwise"), PAIRS, ids=[function.__name__ for _, function, _ in PAIRS]
+    ("command", "function", "otherwise"),
+    PAIRS,
+    ids=[f"{command.__name__}, {function.__name__}" for command, function, _ in PAIRS],
 )
 def test_a_command_and_its_function_have_the_same_defaults(
     command: Callable[..., Any], function: Callable[..., Any], otherwise: set[str]

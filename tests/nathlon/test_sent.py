@@ -90,6 +90,33 @@ def test_a_composite_and_roles_are_kept_with_their_parts(tmp_path: Path) -> None
         assert str(tmp_path / "a") not in copy.read_text("utf-8")
 
 
+PLANNER = """
+[planner]
+fuel_s_kg = 0.03
+stop_s = 12.0
+[[planner.compound]]
+name = "racing-soft"
+lap_s = [100.0, 101.0]
+used_kg = [4.0, 4.0]
+wear = [0.1, 0.2]
+[[planner.compound]]
+name = "racing-hard"
+lap_s = [101.0]
+used_kg = [4.0]
+wear = [0.1]
+"""
+
+
+@pytest.mark.parametrize(("before", "after"), [("", PLANNER), ('strategist = "mine.py:Mine"\n', "")])
+def test_a_composite_is_kept_with_its_strategist(tmp_path: Path, before: str, after: str) -> None:
+    (tmp_path / "mine.py").write_text("class Mine: ...\n", "utf-8")
+    source = tmp_path / "own.toml"
+    source.write_text(f'name = "own"\n{before}[[part]]\npolicy = "driver:pace=0.9"\n{after}', "utf-8")
+    entrant, sent = send(tmp_path, str(source), "mine")
+    (tmp_path / "mine.py").unlink()
+    assert policy_id(str(tmp_path / "nights" / "night-0001" / str(sent.path))) == entrant.id
+
+
 def test_what_is_no_file_is_only_named(tmp_path: Path) -> None:
     _, sent = send(tmp_path, "driver:pace=0.9", "driver")
     assert (sent.name, sent.path, sent.digest) == ("driver", None, None)

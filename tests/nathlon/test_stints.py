@@ -17,7 +17,8 @@ from nathlon.lab.stints.model import LapModel, fit, stint_model
 from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import LAPS, Place, _Begin, _rows, with_settings
 from nathlon.policies.sources.composite import CompositeSource
-from nathlon.policies.stint_planner import SPARE_KG, StintPlanner
+from nathlon.policies.stint_planner import StintPlanner
+from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import PitWall
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import PitParameters
@@ -54,25 +55,39 @@ def practised(laps: int, noise: float, rng: np.random.Generator, runs: int = 4) 
     return pl.DataFrame(rows, schema=LAPS, orient="row")
 
 
-def truth(stints: list[tuple[int, int]]) -> float:
-    """What a race takes that is driven in stints of (compound, laps), s."""
-    total = START_S
-    for number, (compound, laps) in enumerate(stints):
-        fuel = laps * USED + SPARE_KG
-        total += sum(lap_s(compound, lap + 1, fuel - lap * USED) for lap in range(laps))
+def truth(stints: list[tuple[int, int]], fuels: list[float]) -> float:
+    """What a race takes that is driven in stints of (compound, laps), each begun with so much fuel, s."""
+    total, left = START_S, fuels[0]
+    for number, ((compound, laps), fuel) in enumerate(zip(stints, fuels, strict=True)):
         if number:
-            total += STOP_S + PIT.tyres + laps * USED / PIT.fuel_rate
+            total += STOP_S + PIT.tyres + max(fuel - left, 0.0) / PIT.fuel_rate
+        left = max(fuel, left)
+        total += sum(lap_s(compound, lap + 1, left - lap * USED) for lap in range(laps))
+        left -= laps * USED
     return total
+
+
+def least(stints: list[tuple[int, int]]) -> float:
+    """The same with the fuel with which it takes least: at the start up to some stop, then by stints."""
+    needs = [laps * USED + SPARE_KG for _, laps in stints]
+    carried = [
+        sum(laps for _, laps in stints[: number + 1]) * USED + SPARE_KG for number in range(len(needs))
+    ]
+    return min(truth(stints, [start, *needs[1:]]) for start in carried)
 
 
 def of(plan: StopPlan) -> list[tuple[int, int]]:
     return [(COMPOUNDS.index(str(stint.compound)), stint.laps) for stint in plan.stints]
 
 
+def taken(plan: StopPlan) -> float:
+    return truth(of(plan), [float(stint.fuel_kg or 0.0) for stint in plan.stints])
+
+
 def test_races_take_what_the_model_says() -> None:
     model = fit(practised(8, 0.0, np.random.default_rng(1)))
     for plan in plans(model, 12, PIT, 80.0, 3):
-        assert plan.seconds(model) == pytest.approx(truth(of(plan)), abs=1e-6)
+        assert plan.seconds(model) == pytest.approx(taken(plan), abs=1e-6)
 
 
 @settings(max_examples=15, deadline=None)
@@ -80,7 +95,7 @@ def test_races_take_what_the_model_says() -> None:
 def test_no_other_stints_are_faster(laps: int, stops: int) -> None:
     model = fit(practised(6, 0.0, np.random.default_rng(1)))
     ways = [
-        truth(list(zip(compounds, lengths, strict=True)))
+        least(list(zip(compounds, lengths, strict=True)))
         for lengths in itertools.product(range(1, 7), repeat=stops + 1)
         if sum(lengths) == laps
         for compounds in itertools.product(range(2), repeat=stops + 1)
@@ -88,17 +103,17 @@ def test_no_other_stints_are_faster(laps: int, stops: int) -> None:
     found = [plan for plan in plans(model, laps, PIT, 80.0, 2) if plan.stops == stops]
     assert len(found) == bool(ways)
     for plan in found:
-        assert truth(of(plan)) == pytest.approx(min(ways), abs=1e-6)
+        assert plan.seconds(model) == pytest.approx(min(ways), abs=0.2)
 
 
 def test_intervals_hold_what_is_true() -> None:
     """Of the difference of two plans, in 95 % of practices."""
     inside = []
-    for seed in range(200):
+    for seed in range(60):
         model = fit(practised(8, 0.5, np.random.default_rng(seed)))
         first, second, *_ = plans(model, 12, PIT, 80.0, 3)
         gap, half = second.behind(first, model)
-        inside.append(abs(gap - (truth(of(second)) - truth(of(first)))) <= half)
+        inside.append(abs(gap - (taken(second) - taken(first))) <= half)
     assert np.mean(inside) >= 0.88
 
 
@@ -107,6 +122,18 @@ def test_a_stint_never_lasts_longer_than_was_practised() -> None:
     assert all(stint.laps <= 5 for plan in plans(model, 12, PIT, 80.0, 4) for stint in plan.stints)
     with pytest.raises(InputError, match="12 laps: no plan of 1 stops or fewer, each stint at most 5 laps"):
         plans(model, 12, PIT, 80.0, 1)
+
+
+def test_tyres_are_planned_for_as_long_as_the_policy_came_round_on_them() -> None:
+    laps = practised(8, 0.0, np.random.default_rng(1)).filter(
+        (pl.col("compound") == COMPOUNDS[1]) | (pl.col("age") <= 3)
+    )
+    model = fit(laps)
+    assert [len(compound.lap_s) for compound in stint_model(model).compound] == [3, 8]
+    found = plans(model, 8, PIT, 80.0, 3)
+    soft = [laps for plan in found for compound, laps in of(plan) if compound == 0]
+    assert soft
+    assert max(soft) <= 3
 
 
 def test_a_small_tank_makes_short_stints() -> None:

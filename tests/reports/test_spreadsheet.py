@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 
 import nathlon.reports.spreadsheet
+from nathlon.arena.results import STRATEGIES
 from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.tables import write_tables
 from nathlon.reports.verdict import verdict
@@ -254,3 +255,20 @@ def test_a_printed_workbook_has_few_pages(selection: Selection, tmp_path: Path) 
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=120)
     printed = (tmp_path / "ranking.pdf").read_bytes()
     assert len(SHEETS) <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 2 * len(SHEETS)
+
+
+def test_an_event_has_a_sheet_of_policies_and_strategies(selection: Selection, tmp_path: Path) -> None:
+    rows = [
+        ("quick", "", None, 5.5, 4.5, 6.5, 0.0, -0.1, 0.1, 4),
+        ("", "planner", None, 6.0, None, None, 0.5, None, None, 4),
+        ("quick", "planner", "a", 6.0, 5.0, 7.0, 0.0, 0.0, 0.0, 4),
+    ]
+    table = pl.DataFrame(rows, schema=STRATEGIES, orient="row")
+    event = replace(selection, tables={**selection.tables, "strategies": table})
+    read = _rows(write_spreadsheet(event, tmp_path / "ranking.xlsx"), "Strategies")
+    assert [(row["Policy"], row["Strategy"]) for row in read] == [
+        ("quick", "all"),
+        ("all", "planner"),
+        ("quick", "planner"),
+    ]
+    assert read[1]["Effect [points/race]"] == 0.5

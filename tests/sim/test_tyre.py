@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from nathlon.sim.car import Car, compound_ratio
 from nathlon.sim.physics.powertrain import engine_torque
-from nathlon.sim.physics.tyre import tyre_force, worn_grip
+from nathlon.sim.physics.tyre import GONE, LEAST_GRIP, tyre_force, worn_grip
 from nathlon.sim.world import DYNAMICS_DT, Conditions
 from tests.support.closed_forms import (
     FREE,
@@ -142,6 +142,13 @@ class TestConsumption:
         # Half a step's way of sliding at the beginning and the worn tyres' longer way cancel to 1 %.
         kinetic = 0.5 * car.body.mass_kg * 40.0**2
         assert state["wear"].sum() * car.tyre.wear_j == pytest.approx(kinetic, rel=0.01)
+
+    def test_tyres_wear_until_they_grip_no_less(self) -> None:
+        car = changed(without_losses(GT3), "brakes", abs_slip=10.0, torque_n_m=60_000.0)
+        world = world_with(stadium(), [100.0], speed=40.0, car=car, conditions=Conditions(wear_rate=1e6))
+        wear = drive(world, -1.0, seconds=0.5)[0, 0]["wear"]
+        assert (wear == GONE).all()
+        assert worn_grip(GONE) == LEAST_GRIP
 
     def test_wear_takes_grip(self) -> None:
         assert worn_grip(0.0) == 1.0

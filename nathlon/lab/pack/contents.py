@@ -10,8 +10,9 @@ from typing import Any
 from zipfile import BadZipFile
 
 from nathlon.policies.policy_file import MOST_BYTES
-from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM
+from nathlon.policies.sources import COMPOSITE, DRIVER, PLUGIN, RANDOM, ROLES
 from nathlon.policies.sources.archive import unpack
+from nathlon.policies.sources.composite import CompositeSource
 from nathlon.results.part import ResultModel
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_bytes
@@ -54,6 +55,16 @@ class PackedMatch(ResultModel):
     spec: dict[str, Any]
     results: dict[str, list[Any]]
     processor: str | None
+
+
+def check_no_code(source: str) -> None:
+    """Raise an InputError for a composite whose strategist is code: what is in a pack is data."""
+    if source.endswith(COMPOSITE) and not source.endswith(ROLES):
+        strategist = CompositeSource.read(Path(source)).file.strategist
+        if strategist is not None:
+            raise InputError(
+                f"{source}: strategist is {strategist!r}, which is code, expected a plan or planner"
+            )
 
 
 def digest(content: bytes) -> str:

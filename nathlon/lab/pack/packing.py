@@ -19,6 +19,7 @@ from nathlon.lab.pack.contents import (
     SAFE,
     SIGNATURE,
     Manifest,
+    check_no_code,
     digest,
 )
 from nathlon.lab.pack.signature import sign
@@ -146,6 +147,7 @@ def _entrants(store: Store, run: str, here: Path, gone: Container[str]) -> list[
             continue
         if not is_path(source):
             raise InputError(f"{source}: cannot be packed, expected checkpoints, drivers and plugins alone")
+        check_no_code(source)
         ending = ROLES if source.endswith(ROLES) else suffix_of(source)
         row["source"] = f"{CHECKPOINTS}/{identity}{ending}"
         copy = here / row["source"]

@@ -25,6 +25,7 @@ from nathlon.lab.pack.contents import (
     NO_FILES,
     SIGNATURE,
     PackedMatch,
+    check_no_code,
     digest,
     read_pack,
 )
@@ -168,6 +169,7 @@ def _read(
         if source not in files if is_path(str(source)) else kind not in NO_FILES:
             raise InputError(f"{path}: {source!a} is not in it, expected the checkpoint of an entrant")
         places.append(str(here / source) if is_path(source) else source)
+        check_no_code(places[-1])
     return matches, entrants.with_columns(source=pl.Series(places, dtype=pl.String))
 
 

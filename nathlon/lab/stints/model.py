@@ -25,7 +25,8 @@ class LapModel:
 
     Attributes:
         compounds: by whose names the model goes.
-        ages: laps on one set of tyres that were practised.
+        ages: laps on one set of tyres that were practised, at most.
+        lasted: (compounds,) the same on each.
         coefficients: (k,) s.
         covariance: (k, k) of them.
         freedom: degrees of freedom of the residuals.
@@ -35,6 +36,7 @@ class LapModel:
 
     compounds: tuple[str, ...]
     ages: int
+    lasted: tuple[int, ...]
     coefficients: Floats
     covariance: Floats
     freedom: int
@@ -70,6 +72,7 @@ def fit(laps: pl.DataFrame) -> LapModel:
     """
     compounds = tuple(laps["compound"].unique(maintain_order=True))
     ages = int(laps["age"].max())  # type: ignore[arg-type]
+    lasted = tuple(int(laps.filter(compound=compound)["age"].max()) for compound in compounds)  # type: ignore[arg-type]
     rows = np.zeros((laps.height, len(compounds) * ages + 3))
     for row, lap in zip(rows, laps.iter_rows(named=True), strict=True):
         first = compounds.index(lap["compound"]) * ages
@@ -86,7 +89,7 @@ def fit(laps: pl.DataFrame) -> LapModel:
     found: Floats = inverse @ rows.T @ lap_s
     variance = float(((lap_s - rows @ found) ** 2).sum()) / freedom
     used_kg, wear = (_means(laps, column, compounds, ages) for column in ("used_kg", "wear"))
-    return LapModel(compounds, ages, found, variance * inverse, freedom, used_kg, wear)
+    return LapModel(compounds, ages, lasted, found, variance * inverse, freedom, used_kg, wear)
 
 
 def stint_model(model: LapModel) -> StintModel:
@@ -97,15 +100,21 @@ def stint_model(model: LapModel) -> StintModel:
     """
     fuel_s_kg, start_s, stop_s = model.coefficients[[FUEL, START, STOP]].tolist()
     seconds = model.coefficients[: len(model.compounds) * model.ages].reshape(-1, model.ages).copy()
-    if model.ages > 2:
-        more_s = float((2.0 * seconds[:, 1] - seconds[:, 2] - seconds[:, 0]).mean())
+    known = seconds[np.array(model.lasted) > 2]
+    if len(known):
+        more_s = float((2.0 * known[:, 1] - known[:, 2] - known[:, 0]).mean())
         seconds[:, 0] += more_s
         start_s, stop_s = start_s - more_s, stop_s - more_s
     # Means of some runs may fall where tyres hardly wear.
     wear = np.maximum.accumulate(model.wear, axis=1)
     compounds = tuple(
-        CompoundLaps(name=name, lap_s=_digits(lap_s), used_kg=_digits(used_kg), wear=_digits(worn))
-        for name, lap_s, used_kg, worn in zip(model.compounds, seconds, model.used_kg, wear, strict=True)
+        CompoundLaps(
+            name=name,
+            lap_s=_digits(seconds[row, :lasted]),
+            used_kg=_digits(model.used_kg[row, :lasted]),
+            wear=_digits(wear[row, :lasted]),
+        )
+        for row, (name, lasted) in enumerate(zip(model.compounds, model.lasted, strict=True))
     )
     return StintModel(
         fuel_s_kg=round(fuel_s_kg, 5),

@@ -1,4 +1,4 @@
-"""The fastest stints: dynamic programming over the laps of a race on a clear road."""
+"""The fastest plan of each number of stops, on a clear road, and how sure that is."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.lab.stints.model import FUEL, START, STOP, LapModel
+from nathlon.lab.stints.model import FUEL, START, STOP, LapModel, stint_model
 from nathlon.policies.stint_model import service_s
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_search import NextStint, Rest, StintSearch
 from nathlon.policies.strategy import Stint
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import PitParameters
@@ -50,9 +50,6 @@ def plans(
 ) -> list[StopPlan]:
     """The fastest plan of each number of stops, the fastest first.
 
-    Each stint begins with what fuel it needs: whoever carries the fuel of later stints is slower, and saves
-    no service unless tyres are changed at the same time as fuel is filled in.
-
     Args:
         model: of the laps.
         laps: of the race.
@@ -63,30 +60,10 @@ def plans(
     Raises:
         InputError: if no number of stops is enough.
     """
-    steps = _steps(model, laps, pit, capacity_kg)
-    # The fastest way through what is left of the race after so many laps, by how many stints it has.
-    rest: list[Sequence[tuple[float, _Step | None]]] = [
-        [(0.0 if left == 0 else np.inf, None) for left in range(laps + 1)]
-    ]
-    for _ in range(most_stops + 1):
-        level = [
-            min(
-                (
-                    (step.seconds(model, first=left == laps) + rest[-1][left - step.laps][0], step)
-                    for step in steps
-                    if step.laps <= left
-                ),
-                key=lambda way: way[0],
-                default=(np.inf, None),
-            )
-            for left in range(laps + 1)
-        ]
-        rest.append(level)
-    found = [
-        _plan(model, laps, _walk(rest, laps, stints))
-        for stints in range(1, most_stops + 2)
-        if np.isfinite(rest[stints][laps][0])
-    ]
+    search = StintSearch(stint_model(model), pit, capacity_kg)
+    rests = search.rests(laps, most_stops)
+    walked = [_walk(search, laps, rests[: stops + 1]) for stops in range(most_stops + 1)]
+    found = [_plan(model, stints, pit) for stints in walked if stints]
     if not found:
         raise InputError(
             f"{laps} laps: no plan of {most_stops} stops or fewer, each stint at most {model.ages} laps, "
@@ -95,49 +72,34 @@ def plans(
     return sorted(found, key=lambda plan: plan.seconds(model))
 
 
-class _Step(NamedTuple):
-    """A stint that may be part of a plan, with its service."""
-
-    stint: Stint
-    laps: int
-    counts: NDArray[np.float64]
-    service_s: float
-
-    def seconds(self, model: LapModel, first: bool) -> float:
-        """What it takes, s; the first begins on the grid, without a stop and its service."""
-        taken = float(model.seconds(self.counts))
-        return taken - float(model.coefficients[STOP]) if first else taken + self.service_s
-
-
-def _steps(model: LapModel, laps: int, pit: PitParameters, capacity_kg: float) -> list[_Step]:
-    steps = []
-    for number, compound in enumerate(model.compounds):
-        for length in range(1, min(model.ages, laps) + 1):
-            used = model.used_kg[number, :length]
-            fuel_kg = float(used.sum()) + SPARE_KG
-            if fuel_kg > capacity_kg:
-                break
-            counts = model.tyres(number, length)
-            counts[FUEL] = length * fuel_kg - float((np.cumsum(used) - used).sum())
-            counts[STOP] = 1.0
-            stint = Stint(laps=length, compound=compound, fuel_kg=round(fuel_kg, 1))
-            steps.append(_Step(stint, length, counts, service_s(pit, True, float(used.sum()))))
-    return steps
+def _walk(search: StintSearch, laps: int, rests: Sequence[Rest]) -> list[NextStint]:
+    """The stints of the fastest plan; `rests` are what the rest takes with none, one... of them."""
+    *fewer, last = rests
+    first = search.first(laps, last)
+    if first is None:
+        return []
+    stints, left = [first], laps - first.laps
+    for rest in reversed(fewer):
+        fuel_kg = stints[-1].fuel_kg - stints[-1].used_kg
+        following = search.after_stop(left, fuel_kg, rest)
+        assert following is not None, "a first stint has others that complete it"
+        stints.append(following)
+        left -= following.laps
+    return stints
 
 
-def _walk(rest: Sequence[Sequence[tuple[float, _Step | None]]], laps: int, stints: int) -> list[_Step]:
-    chosen = []
-    left = laps
-    for level in range(stints, 0, -1):
-        step = rest[level][left][1]
-        assert step is not None, "a finite time has a first stint"
-        chosen.append(step)
-        left -= step.laps
-    return chosen
-
-
-def _plan(model: LapModel, laps: int, steps: list[_Step]) -> StopPlan:
-    counts = np.sum([step.counts for step in steps], axis=0)
-    counts[STOP] -= 1.0
-    counts[START] = 1.0
-    return StopPlan(tuple(step.stint for step in steps), counts, sum(step.service_s for step in steps[1:]))
+def _plan(model: LapModel, stints: Sequence[NextStint], pit: PitParameters) -> StopPlan:
+    counts = np.zeros(len(model.coefficients))
+    counts[START], counts[STOP] = 1.0, len(stints) - 1
+    left_kg, stood_s = 0.0, 0.0
+    for number, stint in enumerate(stints):
+        compound = model.compounds.index(stint.compound)
+        fuel_kg = max(stint.fuel_kg, left_kg) if number else stint.fuel_kg
+        if number:
+            stood_s += float(service_s(pit, True, np.float64(fuel_kg - left_kg)))
+        used = model.used_kg[compound, : stint.laps]
+        counts += model.tyres(compound, stint.laps)
+        counts[FUEL] += stint.laps * fuel_kg - float((np.cumsum(used) - used).sum())
+        left_kg = fuel_kg - float(used.sum())
+    told = tuple(Stint(laps=one.laps, compound=one.compound, fuel_kg=one.fuel_kg) for one in stints)
+    return StopPlan(told, counts, stood_s)

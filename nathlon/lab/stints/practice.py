@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
 import polars as pl
 
 from nathlon.arena.job import Opening
@@ -13,7 +14,7 @@ from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import Composite, CompositePart
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import Stint, StintPlan
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import settings_of
@@ -23,6 +24,8 @@ from nathlon.sim.world import World
 
 MOST_STINT_LAPS = 20
 """Laps of a practice stint, at most."""
+LEAST_LAPS = 2
+"""A run of which less is known, as the car did not come round, tells nothing."""
 
 LAPS = pl.Schema(
     {
@@ -101,7 +104,8 @@ def light(source: str, place: Place, driven: pl.DataFrame, runs: int, seed: int)
     """Runs with a stop half-way and no more fuel than each half needs, so many on each compound.
 
     Laps on old tyres are those of a light car as well: only runs that begin with other tanks tell the two
-    apart. What a stop loses shows where the lap before it was also driven without one.
+    apart. What a stop loses shows where the lap before it was also driven without one. Where tyres gave up
+    before the end of the race, half-way is half of what they lasted.
 
     Args:
         source, place: as for `heavy`.
@@ -111,7 +115,8 @@ def light(source: str, place: Place, driven: pl.DataFrame, runs: int, seed: int)
     asked = []
     for compound in driven["compound"].unique(maintain_order=True):
         laps = driven.filter(pl.col("compound") == compound)
-        lengths = place.laps // 2, place.laps - place.laps // 2
+        lasted = int(laps["age"].max())  # type: ignore[arg-type]
+        lengths = lasted // 2, lasted - lasted // 2
         stints = tuple(
             Stint(
                 laps=length,
@@ -149,51 +154,52 @@ def practise(
 
     Args:
         pool: where policies run.
-        asked: the runs.
+        asked: the runs, of one policy in one place.
         on_driven: told how many are done, of how many.
 
     Raises:
-        InputError: if the policy cannot drive, or does not come round.
+        InputError: if the policy cannot drive, or comes round on none of the tyres.
     """
-    answers = pool.open([Opening(one.source, drive, tuple(one)) for one in asked], on_driven)
-    frames = []
-    for run, (one, answer) in enumerate(zip(asked, answers, strict=True)):
-        if isinstance(answer, InputError):
-            raise answer
-        laps = sum(stint.laps for stint in one.stints)
-        if len(answer) < laps - 1:
-            raise InputError(f"{one.source}: did not come round {laps} times on {one.stints[0].compound}")
-        frames.append(pl.DataFrame(answer, schema=LAPS, orient="row").with_columns(run=pl.lit(run)))
+    [answer] = pool.open([Opening(asked[0].source, drive, (tuple(asked),))], on_driven)
+    if isinstance(answer, InputError):
+        raise answer
+    frames = [
+        pl.DataFrame(rows, schema=LAPS, orient="row").with_columns(run=pl.lit(run))
+        for run, rows in enumerate(answer)
+        if len(rows) >= LEAST_LAPS
+    ]
+    if not frames:
+        raise InputError(f"{asked[0].source}: did not come round {LEAST_LAPS} times on any of its tyres")
     return pl.concat(frames)
 
 
-def drive(
-    source: str, scenario: str, circuit: str, car: str, stints: Sequence[Stint], seed: int
-) -> list[LapRow]:
-    """Drive one practice run, see `Practice`; rows of LAPS."""
-    policy = load_policy(source, circuit, car)
-    planned = Composite(
-        load_track(circuit),
-        [CompositePart(policy=source)],
-        [policy],
-        policy.observation_spec,
-        StintPlan(stints),
-    )
-    match = Match("race", "practice", scenario, circuit, car, (source,), (source,), (Race(seed, (Seat(0),)),))
-    begun: list[_Begin] = []
-    stood_s = 0.0
+def drive(asked: Sequence[Practice]) -> list[list[LapRow]]:
+    """Drive practice runs of one policy in one place, side by side in one world; rows of LAPS of each."""
+    first = asked[0]
+    policy = load_policy(first.source, first.circuit, first.car)
+    track, part = load_track(first.circuit), CompositePart(policy=first.source)
+    planned = [
+        Composite(track, [part], [policy], policy.observation_spec, StintPlan(one.stints)) for one in asked
+    ]
+    names, sources = tuple(f"run {run}" for run in range(len(asked))), (first.source,) * len(asked)
+    races = tuple(Race(one.seed, (Seat(run),)) for run, one in enumerate(asked))
+    match = Match("race", "practice", first.scenario, first.circuit, first.car, names, sources, races)
+    begun: list[list[_Begin]] = [[] for _ in asked]
+    stood_s = np.zeros(len(asked))
 
     def look(world: World) -> None:
-        nonlocal stood_s
-        state = world.state[0, 0]
-        stood_s = float(state["stood_s"])
-        if state["progress"] >= 0.0 and int(state["laps"]) == len(begun):
-            line_s, fuel_kg = float(state["line_s"][0]), float(state["fuel"])
-            wear = float(state["wear"].mean())
-            begun.append(_Begin(line_s, fuel_kg, wear, int(state["stops"]), int(state["missed"])))
+        state = world.state[:, 0]
+        stood_s[:] = state["stood_s"]
+        for run in np.flatnonzero((state["progress"] >= 0.0) & (state["laps"] == list(map(len, begun)))):
+            car = state[run]
+            line_s, fuel_kg, wear = float(car["line_s"][0]), float(car["fuel"]), float(car["wear"].mean())
+            begun[run].append(_Begin(line_s, fuel_kg, wear, int(car["stops"]), int(car["missed"])))
 
-    run_match(match, [planned], look)
-    return _rows(str(stints[0].compound), stints[0].laps, begun, stood_s)
+    run_match(match, planned, look)
+    return [
+        _rows(str(one.stints[0].compound), one.stints[0].laps, laps, stood)
+        for one, laps, stood in zip(asked, begun, stood_s.tolist(), strict=True)
+    ]
 
 
 class _Begin(NamedTuple):

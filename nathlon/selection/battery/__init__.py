@@ -46,7 +46,7 @@ DECATHLON = (
     "emergency",
     "race_craft",
 )
-ON_REQUEST = ("wet_start", "drying_road")
+ON_REQUEST = ("wet_start", "drying_road", "tyre_care", "fuel_saving", "pit_stop")
 """Shipped tests that are held only if they are named."""
 
 MARKS_SEEDS = np.random.SeedSequence(500)

@@ -16,6 +16,7 @@ from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.identity import is_still, policy_id
 from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.roles import RolesSource
+from nathlon.policies.sources.strategist import strategist_file
 from nathlon.results.summary import Sent, Summary
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
@@ -82,6 +83,8 @@ def copy_policy(source: Path, copy: Path) -> None:
         facts = composite.file.model_dump(mode="json", exclude_none=True)
         for part, copied in zip(composite.file.part, facts["part"], strict=True):
             copied["policy"] = _named(composite.source(part), copy.parent)
+        if composite.file.strategist:
+            facts["strategist"] = _named_code(composite.file.strategist, source.parent, copy.parent)
         _write(copy, facts)
     else:
         beside = companions(source).named_after(copy)
@@ -99,14 +102,27 @@ def _named(source: str, folder: Path) -> str:
     return copy.name
 
 
+def _named_code(name: str, folder: Path, copies: Path) -> str:
+    """How a copy names its strategist, whose file lies beside it, called after its contents."""
+    content = strategist_file(name, folder).read_bytes()
+    copy = copies / f"{hashlib.sha256(content).hexdigest()[:12]}.py"
+    write_whole(copy, content)
+    return f"{copy.name}:{name.rpartition(':')[2]}"
+
+
 def _write(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write facts as TOML: tables, and lists of them, after all else."""
+    """Write facts as TOML."""
+    write_whole(path, "\n".join(_toml(facts)).lstrip() + "\n")
+
+
+def _toml(facts: Mapping[str, Any], place: str = "") -> list[str]:
+    """Lines of a table: its tables, and lists of them, after all else."""
     lines = [_line(name, value) for name, value in facts.items() if not _tables(value)]
     for name, value in facts.items():
-        head = f"[{name}]" if isinstance(value, dict) else f"[[{name}]]"
+        head = f"[{place}{name}]" if isinstance(value, dict) else f"[[{place}{name}]]"
         for table in _tables(value):
-            lines += ["", head, *(_line(*fact) for fact in table.items())]
-    write_whole(path, "\n".join(lines).lstrip() + "\n")
+            lines += ["", head, *_toml(table, f"{place}{name}.")]
+    return lines
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:
