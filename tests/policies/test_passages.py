@@ -83,7 +83,6 @@ def test_an_old_sign_is_heeded_with_a_memory_and_critics_that_know_it(
     told: bool, memory: int, most_lost: tuple[float, float]
 ) -> None:
     returns = evaluate(trained(told, memory).learner, cues(told, 16), seed=5)
-    print(-returns.mean())
     least, most = most_lost
     assert least <= -returns.mean() <= most
 
