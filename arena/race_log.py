@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.camera_spec import CameraSpec
+
 CAR_SAMPLE = np.dtype(
     [
         ("x_m", "f8"),  # world frame, x east, y north, z up
@@ -130,6 +132,7 @@ class RaceLog:
     time_s: NDArray[np.float64]  # (T,)
     samples: NDArray[np.void]  # (T, C) CAR_SAMPLE
     incidents: tuple[Incident, ...]
+    cameras: tuple[CameraSpec | None, ...] = ()  # by which the C cars' drivers saw; empty where nobody did
 
 
 def orientation(

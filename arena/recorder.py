@@ -27,6 +27,7 @@ from nathlon.arena.sight import Seen, Sight
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Policy
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
@@ -130,7 +131,7 @@ def record_races(
         seen_by: a car of the first of these races; what its drivers see is kept.
         observer: as for `run_match`.
     """
-    recorder = _Recorder(match, races, names)
+    recorder = _Recorder(match, races, names, [camera_of(policy) for policy in policies])
     sight = None if seen_by is None else Sight(match, policies, races[0], seen_by)
 
     def observe(world: World) -> None:
@@ -151,8 +152,14 @@ def record_races(
 class _Recorder:
     """Watches some races of a match; arrays begin with an axis of these races."""
 
-    def __init__(self, match: Match, races: Sequence[int], names: Sequence[str]) -> None:
-        self._match, self._races = match, list(races)
+    def __init__(
+        self,
+        match: Match,
+        races: Sequence[int],
+        names: Sequence[str],
+        cameras: Sequence[CameraSpec | None],
+    ) -> None:
+        self._match, self._races, self._cameras = match, list(races), cameras
         self._names = [_driver_names(match, race, names) for race in races]
         self._track = load_track(match.circuit)
         self._outline = outline(self._track)
@@ -251,7 +258,13 @@ class _Recorder:
             time_s=np.array([moment.time_s[index] for moment in self._moments])[kept],
             samples=samples,
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
+            cameras=tuple(self._cameras[seat.entrant] for seat in race.seats) if any(self._cameras) else (),
         )
+
+
+def camera_of(policy: Policy | Absent) -> CameraSpec | None:
+    """By which a policy sees, if by any."""
+    return None if isinstance(policy, Absent) else policy.observation_spec.camera
 
 
 def _driver_names(match: Match, race: int, names: Sequence[str]) -> list[str]:

@@ -6,6 +6,7 @@ Topics: `/race`, `/cars` and `/incidents` carry all of a race log in messages of
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
-from mcap.records import Channel, Schema
+from mcap.records import Channel, Metadata, Schema
 from mcap.records import Message as Record
 from mcap.well_known import MessageEncoding
 from mcap.writer import Writer
@@ -28,6 +29,7 @@ from nathlon.arena.mcap_file import FAULTS, checksums_match, is_schema_of, read_
 from nathlon.arena.protobuf_rows import Rows, encode
 from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, NamedStretch, Outline, RaceLog, orientation
 from nathlon.arena.recorded_race import check_race
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.sim.track import SURFACES
@@ -38,6 +40,8 @@ OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_lef
 OUTLINE_ROWS = ("runoff_left", "runoff_right", "zone")
 FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
 
+CAMERAS = "nathlon.cameras"
+"""Metadata record that says by which cameras drivers saw, by car; only where somebody did."""
 CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
 NANO = 1_000_000_000
@@ -88,7 +92,8 @@ def read_recording(path: Path) -> RaceLog:
             f"({typed('replay', '--recover', path)} saves what can be read)."
         )
     try:
-        return _race_log([message for message in _messages(content) if message is not None])
+        cameras: dict[int, CameraSpec] = {}
+        return _race_log([one for one in _messages(content, cameras) if one is not None], cameras)
     except FAULTS as error:
         raise InputError(f"{path} is not a recording of this version of nathlon: {error}.") from error
 
@@ -101,9 +106,10 @@ def recover_recording(path: Path) -> Recovery:
     """
     content = read_content(path)
     own: list[Message] = []
+    cameras: dict[int, CameraSpec] = {}
     count, fault = 0, "it holds no sample"
     try:
-        for message in _messages(content):
+        for message in _messages(content, cameras):
             count += 1
             if message is not None:
                 own.append(message)
@@ -112,13 +118,18 @@ def recover_recording(path: Path) -> Recovery:
     if not any(isinstance(message, pb.CarStates) for message in own):
         raise InputError(f"{path}: nothing can be recovered: {fault}.")
     try:
-        return Recovery(_race_log(own), count, checksums_match(content))
+        return Recovery(_race_log(own, cameras), count, checksums_match(content))
     except ValueError as error:
         raise InputError(f"{path}: nothing can be recovered: {error}.") from error
 
 
 def _write_messages(writer: Writer, log: RaceLog) -> None:
     writer.start(library="nathlon")
+    if any(log.cameras):
+        writer.add_metadata(
+            CAMERAS,
+            {str(car): json.dumps(camera.to_dict()) for car, camera in enumerate(log.cameras) if camera},
+        )
     channels: dict[str, int] = {}
 
     def write(topic: str, kind: type[Message], content: bytes, time_s: float) -> None:
@@ -202,13 +213,16 @@ def _transforms(log: RaceLog) -> Rows:
     return encode(FrameTransforms.DESCRIPTOR, {"transforms": frames}, len(log.time_s))
 
 
-def _messages(content: bytes) -> Iterator[Message | None]:
-    """All messages in the file's order; None stands for one of Foxglove's."""
+def _messages(content: bytes, cameras: dict[int, CameraSpec]) -> Iterator[Message | None]:
+    """All messages in the file's order; None stands for one of Foxglove's. Fills in the cameras by car."""
     schemas: dict[int, Schema] = {}
     types: dict[int, tuple[type[Message], int]] = {}
     count = samples = 0
     for record in records(content):
-        if isinstance(record, Schema):
+        if isinstance(record, Metadata) and record.name == CAMERAS:
+            for car, camera in record.metadata.items():
+                cameras[int(car)] = _camera(camera)
+        elif isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.topic in OWN_MESSAGES:
             message_type = OWN_MESSAGES[record.topic]
@@ -230,7 +244,14 @@ def _messages(content: bytes) -> Iterator[Message | None]:
             yield message
 
 
-def _race_log(messages: list[Message]) -> RaceLog:
+def _camera(text: str) -> CameraSpec:
+    try:
+        return CameraSpec.from_dict(json.loads(text))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def _race_log(messages: list[Message], cameras: dict[int, CameraSpec]) -> RaceLog:
     """Raises ValueError if the messages do not make up one race."""
     races = [message for message in messages if isinstance(message, pb.Race)]
     ticks = [message for message in messages if isinstance(message, pb.CarStates)]
@@ -242,6 +263,8 @@ def _race_log(messages: list[Message]) -> RaceLog:
         raise ValueError(f"field teams names {len(race.teams)} cars, expected {cars}")
     if any(len(tick.cars) != cars for tick in ticks):
         raise ValueError(f"topic /cars holds a tick without {cars} cars")
+    if not set(cameras) <= set(range(cars)):
+        raise ValueError(f"the cameras name a car that is not among the {cars}")
     if any(car >= cars for incident in incidents for car in incident.cars):
         raise ValueError(f"topic /incidents names a car that is not among the {cars}")
     samples = np.zeros((len(ticks), cars), CAR_SAMPLE)
@@ -260,6 +283,7 @@ def _race_log(messages: list[Message]) -> RaceLog:
             Incident(i.time_s, i.kind, tuple(i.cars), i.text, i.fault, i.closing_m_s, i.penalty_s)
             for i in incidents
         ),
+        cameras=tuple(cameras.get(car) for car in range(cars)) if cameras else (),
     )
     check_race(log)
     return log

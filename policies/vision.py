@@ -64,6 +64,11 @@ class Vision(BaseModel):
     features: Width = 256
     memory: Annotated[int, Field(ge=0, le=4096)] = 0
 
+    @property
+    def strides(self) -> tuple[int, ...]:
+        """Of the convolutions."""
+        return tuple(layer.stride for layer in self.convolutions)
+
     def outputs(self, sensors: int) -> int:
         """How many numbers the perceptron gets."""
         return self.memory or self.features + sensors
@@ -88,13 +93,22 @@ class Vision(BaseModel):
             )
         shapes[f"{PREFIX}features.weight"] = (channels * prod(rest), self.features)
         shapes[f"{PREFIX}features.bias"] = (self.features,)
-        if self.memory:
-            gates = GATES * self.memory
-            shapes[f"{PREFIX}memory.inputs"] = (self.features + sensors, gates)
-            shapes[f"{PREFIX}memory.inputs_bias"] = (gates,)
-            shapes[f"{PREFIX}memory.own"] = (self.memory, gates)
-            shapes[f"{PREFIX}memory.own_bias"] = (gates,)
-        return shapes
+        return shapes | memory_shapes(self.features + sensors, self.memory)
+
+
+def memory_shapes(inputs: int, units: int) -> dict[str, tuple[int, ...]]:
+    """Shape of each tensor of a gated recurrent unit by name; of none without units."""
+    gates = GATES * units
+    return (
+        {
+            f"{PREFIX}memory.inputs": (inputs, gates),
+            f"{PREFIX}memory.inputs_bias": (gates,),
+            f"{PREFIX}memory.own": (units, gates),
+            f"{PREFIX}memory.own_bias": (gates,),
+        }
+        if units
+        else {}
+    )
 
 
 @dataclass(frozen=True)
@@ -108,6 +122,12 @@ class Memory:
 
     inputs: tuple[Batch, Batch]
     own: tuple[Batch, Batch]
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, NDArray[np.float32]]) -> Memory:
+        """That of tensors by the names of `memory_shapes`."""
+        inputs, inputs_bias, own, own_bias = (tensors[name] for name in memory_shapes(1, 1))
+        return cls((inputs, inputs_bias), (own, own_bias))
 
     @property
     def units(self) -> int:
@@ -164,9 +184,7 @@ class SeeingNetwork:
                 for index, layer in enumerate(vision.convolutions)
             ),
             Mlp((pair("features.weight", "features.bias"),), "relu", "relu"),
-            Memory(pair("memory.inputs", "memory.inputs_bias"), pair("memory.own", "memory.own_bias"))
-            if vision.memory
-            else None,
+            Memory.of(tensors) if vision.memory else None,
             mean_network(tensors, actions),
         )
 

@@ -10,8 +10,11 @@ import rerun.blueprint as rrb
 
 from nathlon.arena.race_log import Outline, RaceLog
 from nathlon.reports.cars import labels
+from nathlon.reports.seen_pictures import camera_of
 
 TIMELINE = "race_time"
+SEEN = "seen"
+"""What the followed car's camera shows."""
 TRAIL_S = 4.0
 MARK_S = 6.0
 SERIES_S = 20.0
@@ -73,10 +76,14 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         ),
         rrb.TextDocumentView(origin="race", name="Race"),
     )
+    race = rrb.Tabs(chase, above, whole, active_tab=0)
+    sight = rrb.Spatial2DView(origin=SEEN, name=f"What {name} sees")
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                rrb.Tabs(chase, above, whole, active_tab=0),
+                race
+                if camera_of(log, followed) is None
+                else rrb.Horizontal(race, sight, column_shares=[5, 2]),
                 rrb.Horizontal(circuit, lists, column_shares=[4, 7]),
                 row_shares=[3, 2],
             ),

@@ -101,6 +101,17 @@ class VideoPanels:
             pygame.draw.rect(picture, GROOVE, groove)
             pygame.draw.rect(picture, colour, (*groove.topleft, round(groove.width * float(car[name])), 6))
 
+    def draw_sight(self, picture: pygame.Surface, seen: NDArray[np.uint8], proportion: float) -> None:
+        """Draw what the followed car's camera shows, (h, w, 3), so much wider than high, above its speed."""
+        width, height = LEFT - 2 * PADDING, round((LEFT - 2 * PADDING) / proportion)
+        size = (LEFT, height + 2 * PADDING + ROW)
+        box = _plate(picture, (MARGIN, self._height - 2 * MARGIN - 96 - size[1]), size)
+        write(picture, "what it sees", (box.left + PADDING, box.top + 8), 20, FAINT, "topleft")
+        small = pygame.surfarray.make_surface(seen.swapaxes(0, 1))
+        picture.blit(
+            pygame.transform.scale(small, (width, height)), (box.left + PADDING, box.top + PADDING + ROW)
+        )
+
     def _draw_news(self, picture: pygame.Surface, now: float) -> None:
         left = 2 * MARGIN + LEFT
         fresh = [one.text for one in self._news if 0.0 <= now - one.time_s < NEWS_S]

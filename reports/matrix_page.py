@@ -15,6 +15,9 @@ DIMENSIONS = {
     "car": "car",
     "compound": "tyres",
     "delay_s": "delay",
+    "hz": "actions",
+    "blur": "blur",
+    "noise": "noise",
 }
 """Fields of a cell that make rows and columns, as the page calls them."""
 LISTED = 40
@@ -139,6 +142,10 @@ def payload(report: MatrixReport) -> dict[str, Any]:
 def _level(field: str, level: Any) -> str:
     if field == "delay_s":
         return f"{level:g} s late" if level else "no delay"
+    if field == "hz":
+        return f"{level:g} Hz" if level else "own rate"
+    if field in ("blur", "noise"):
+        return f"{field} {level:g}" if level else f"no {field}"
     if field == "place":
         return f"place {level}"
     return str(level) or "own tyres"

@@ -14,6 +14,7 @@ from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import NOTICES, NamedStretch, Outline, RaceLog, lap_length, origin, progress
 from nathlon.reports.cars import car_colours, labels
+from nathlon.reports.seen_pictures import camera_of, proportion, seen_pictures
 from nathlon.sim.track import SURFACES
 
 STEPS = {
@@ -38,6 +39,9 @@ STEPS = {
 SAMPLE_S = 0.1
 """Between two samples, at least, but for the last."""
 OUTLINE_STEP_M = 0.05
+SIGHT_S, MOST_SIGHTS, SIGHT_STEP = 0.25, 1_000, 16
+"""Between two pictures of what a car saw, at least; how many there are of all cars, at most; and to what
+their colours are rounded, as pages are to stay small."""
 
 
 def race_data(log: RaceLog) -> dict[str, Any]:
@@ -83,7 +87,36 @@ def race_data(log: RaceLog) -> dict[str, Any]:
             }
             for one in passes(log)
         ],
+        "sights": _sights(log),
     }
+
+
+def _sights(log: RaceLog) -> list[dict[str, Any]]:
+    """What cars with cameras saw: rows of whole numbers, one a byte of a picture, a column for each time."""
+    seeing = [car for car in range(len(log.names)) if camera_of(log, car)]
+    if not seeing or not len(log.time_s):
+        return []
+    between_s = max(SIGHT_S, float(np.ptp(log.time_s)) * len(seeing) / MOST_SIGHTS)
+    time_s = np.arange(log.time_s[0], log.time_s[-1], between_s)
+    found = []
+    for car in seeing:
+        pictures = seen_pictures(log, car, time_s)
+        camera = camera_of(log, car)
+        assert camera is not None, "it sees by one"
+        found.append(
+            {
+                "car": car,
+                "width": camera.width,
+                "height": camera.height,
+                "proportion": round(proportion(camera), 3),
+                "first": round(float(log.time_s[0]), 3),
+                "between": between_s,
+                "count": len(time_s),
+                "step": SIGHT_STEP,
+                "pixels": packed((pictures.reshape(len(time_s), -1).T // SIGHT_STEP).astype(np.int32)),
+            }
+        )
+    return found
 
 
 def circuit_data(outline: Outline, sections: Sequence[NamedStretch]) -> dict[str, Any]:

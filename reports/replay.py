@@ -10,12 +10,13 @@ import numpy as np
 import rerun as rr
 
 from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
-from nathlon.reports._blueprint import TIMELINE, blueprint
+from nathlon.reports._blueprint import SEEN, TIMELINE, blueprint
 from nathlon.reports._circuit import Logging, log_circuit, log_map, north_up
 from nathlon.reports._motion import POSE, gaps, poses
 from nathlon.reports._rerun_file import rerun_file
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, labels, winner
+from nathlon.reports.seen_pictures import camera_of, png, proportion, seen_pictures
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import command_of
 
@@ -61,6 +62,7 @@ def log_race(stream: Logging, log: RaceLog, followed: int) -> None:
     _log_cars(stream, log, followed)
     _log_series(stream, log, followed)
     _log_incidents(stream, log)
+    _log_sight(stream, log, followed)
 
 
 def open_viewer(replay: Path) -> None:
@@ -186,6 +188,17 @@ def _log_cameras(stream: Logging, followed: int) -> None:
             ),
             static=True,
         )
+
+
+def _log_sight(stream: Logging, log: RaceLog, followed: int) -> None:
+    """What the followed car's camera showed at each sample."""
+    camera = camera_of(log, followed)
+    if camera is None or not len(log.time_s):
+        return
+    shown = (240, round(240 / proportion(camera)))
+    pictures = [png(picture, shown) for picture in seen_pictures(log, followed, log.time_s)]
+    images = rr.EncodedImage.columns(blob=pictures, media_type=["image/png"] * len(pictures))
+    stream.send_columns(SEEN, [rr.TimeColumn(TIMELINE, duration=log.time_s)], images)
 
 
 def _log_series(stream: Logging, log: RaceLog, followed: int) -> None:

@@ -16,6 +16,7 @@ from nathlon.reports._motion import poses
 from nathlon.reports._video_panels import VideoPanels, brief
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, winner
+from nathlon.reports.seen_pictures import camera_of, proportion, seen_pictures
 from nathlon.sim.errors import InputError
 from nathlon.sim.render.panels import write
 from nathlon.sim.render.scene import Camera
@@ -81,17 +82,21 @@ def pictures(log: RaceLog, followed: int, time_s: NDArray[np.float64]) -> Iterat
     scene = _Scene(log)
     at = poses(log, time_s)
     panels = VideoPanels(log, followed, SIZE)
+    camera = camera_of(log, followed)
+    seen = None if camera is None else seen_pictures(log, followed, time_s)
     large = pygame.Surface((SIZE[0] * FINE, SIZE[1] * FINE))
-    camera = Camera(large.get_size(), WIDTH_M)
+    view = Camera(large.get_size(), WIDTH_M)
     for number, now in enumerate(time_s.tolist()):
         places = {name: values[number] for name, values in at.items()}
         tick = int(np.searchsorted(log.time_s, now, side="right")) - 1
         cars = np.stack([places["x_m"], places["y_m"]], axis=1)
-        camera.at = cars[followed]
-        scene.draw(large, camera, places, tick, followed)
-        scene.draw_alarms(large, camera, cars, now)
+        view.at = cars[followed]
+        scene.draw(large, view, places, tick, followed)
+        scene.draw_alarms(large, view, cars, now)
         picture = pygame.transform.smoothscale(large, SIZE)
         panels.draw(picture, tick, now, cars)
+        if seen is not None and camera is not None:
+            panels.draw_sight(picture, seen[number], proportion(camera))
         yield np.ascontiguousarray(pygame.surfarray.array3d(picture).swapaxes(0, 1))
 
 

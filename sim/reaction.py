@@ -1,36 +1,63 @@
-"""How often cars act, and how late they see."""
+"""How often cars act, and how late and how clearly they see."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.camera_spec import MOST_BLUR, MOST_NOISE
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.world import DYNAMICS_HZ, World
 
 
+class Haze(NamedTuple):
+    """What lies before all cameras; see `CameraSpec`.
+
+    Attributes:
+        blur: how often each pixel is mixed with its neighbours, besides.
+        noise: standard deviation of each number, besides.
+    """
+
+    blur: int = 0
+    noise: float = 0.0
+
+    def before(self, spec: ObservationSpec) -> ObservationSpec:
+        """What is seen through it; numbers stay clear."""
+        camera = spec.camera
+        if camera is None or not any(self):
+            return spec
+        blur = min(camera.blur + self.blur, MOST_BLUR)
+        noise = min(math.hypot(camera.noise, self.noise), MOST_NOISE)
+        return replace(spec, camera=replace(camera, blur=blur, noise=noise))
+
+
+CLEAR = Haze()
+
+
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """The rates of the cars of a race, in dynamics steps of 1/60 s.
+    """The rates of the cars of a race, in dynamics steps of 1/60 s, and what they see through.
 
     Attributes:
         period: (cars,) int64, steps from action to action.
         delay: (cars,) int64, steps from what happens to when it is seen.
+        haze: before all cameras.
     """
 
     period: NDArray[np.int64]
     delay: NDArray[np.int64]
+    haze: Haze = CLEAR
 
     @classmethod
-    def of(cls, action_hz: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Reaction:
+    def of(cls, action_hz: NDArray[np.float64], delay_s: NDArray[np.float64], haze: Haze = CLEAR) -> Reaction:
         """Rates from actions a second and delays in s, each (cars,)."""
         period = np.round(DYNAMICS_HZ / action_hz).astype(np.int64)
-        return cls(period, np.round(delay_s * DYNAMICS_HZ).astype(np.int64))
+        return cls(period, np.round(delay_s * DYNAMICS_HZ).astype(np.int64), haze)
 
     @property
     def tick(self) -> int:
@@ -55,7 +82,7 @@ class Perception:
             races, cars: (n,) indices of the cars.
             reaction: of all cars of a race.
         """
-        self._spec, self._races, self._cars = spec, races, cars
+        self._spec, self._races, self._cars = reaction.haze.before(spec), races, cars
         self._tick = reaction.tick
         self._late = reaction.delay[cars] // self._tick
         self._depth = int(self._late.max(initial=0)) + 1

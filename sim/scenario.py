@@ -9,12 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
 
+from nathlon.sim.camera_spec import MOST_BLUR, MOST_NOISE
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import settings_of
 from nathlon.sim.physics.course import DRY, GRIP, Multiple, SurfaceGrip
-from nathlon.sim.reaction import Reaction
+from nathlon.sim.reaction import Haze, Reaction
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario_start import (
     MOST_CARS,
@@ -52,6 +53,8 @@ def _whole_period(hertz: float) -> float:
 
 Hertz = Annotated[float, AfterValidator(_whole_period)]
 LONGEST_DELAY_S = 0.3
+Blur = Annotated[int, Field(ge=0, le=MOST_BLUR)]
+Noise = Annotated[float, Field(ge=0.0, le=MOST_NOISE)]
 Delay = Annotated[float, Field(ge=0.0, le=LONGEST_DELAY_S)]
 
 
@@ -76,6 +79,7 @@ class Scenario(Section):
         stop_after: laps after which they stop instead, once, for new tyres.
         action_hz: actions a second, one number or one for each starting place.
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
+        blur, noise: of all cameras, besides their own, see `nathlon.sim.camera_spec`.
     """
 
     name: Name
@@ -100,6 +104,8 @@ class Scenario(Section):
     stop_after: Annotated[int, Field(ge=1, le=MOST_LAPS)] | None = None
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
+    blur: Blur = 0
+    noise: Noise = 0.0
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -134,6 +140,7 @@ class Scenario(Section):
         return Reaction.of(
             np.broadcast_to(np.array(self.action_hz), self.cars),
             np.broadcast_to(np.array(self.perception_delay_s), self.cars),
+            Haze(self.blur, self.noise),
         )
 
     def place(self, track: Track, rng: np.random.Generator) -> Start:
@@ -266,7 +273,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip", "hours")
+SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip", "hours", "hz", "blur", "noise")
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -277,7 +284,7 @@ def load_scenario(name: str) -> Scenario:
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
     cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
     is that of all cars, and a delay, s, that with which all of them see; a grip is a multiple of that of
-    every surface when dry.
+    every surface when dry; hz is how often all cars act a second; blur and noise are of all cameras.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
@@ -302,6 +309,18 @@ def load_scenario(name: str) -> Scenario:
                 scenario = scenario.model_copy(update={"perception_delay_s": _delay(name, value)})
             case "grip":
                 scenario = scenario.model_copy(update={"grip": _grip(name, value)})
+            case "hz":
+                hertz = _number(name, "hz", value, Hertz, f"actions a second that divide {DYNAMICS_HZ}")
+                scenario = scenario.model_copy(update={"action_hz": hertz})
+            case "blur":
+                scenario = scenario.model_copy(
+                    update={
+                        "blur": int(_number(name, "blur", value, Blur, f"a number from 0 to {MOST_BLUR}"))
+                    }
+                )
+            case "noise":
+                noise = _number(name, "noise", value, Noise, f"a deviation from 0 to {MOST_NOISE:g}")
+                scenario = scenario.model_copy(update={"noise": noise})
             case _:
                 raise InputError(
                     f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}"

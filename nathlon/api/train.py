@@ -164,6 +164,8 @@ def _check_imitation(coach: Sequence[str | Path], device: Device, engine: str) -
 def _check_workers(config: TrainingConfig, engine: str) -> None:
     if engine == "ray" and not config.workers:
         raise InputError("workers is 0, expected how many rollout workers the cluster is to run")
+    if engine == "ray" and config.vision:
+        raise InputError("vision: pictures stay on this machine, expected engine local")
 
 
 def _with_coach(config: TrainingConfig, files: Sequence[str | Path]) -> TrainingConfig:

@@ -59,6 +59,9 @@ class CellReport(ResultModel):
     """A cell.
 
     Attributes:
+        delay_s: with which all cars see, s.
+        hz: actions a second of all cars; 0 for the scenario's own.
+        blur, noise: before all cameras.
         runs: of policy and baseline, each, from starts from which neither is void.
         policy_void, baseline_void: runs of each that are void, and compared in nothing.
         judged: whether no more than half of either's runs are.
@@ -73,6 +76,9 @@ class CellReport(ResultModel):
     scenario: str
     compound: str
     delay_s: float
+    hz: float = 0.0
+    blur: int = 0
+    noise: float = 0.0
     place: int
     runs: int
     policy_void: int = 0
@@ -93,7 +99,13 @@ class CellReport(ResultModel):
     def label(self) -> str:
         """The cell in words."""
         parts = [self.scenario, f"place {self.place}", self.circuit, self.car, self.compound]
-        return ", ".join(filter(None, [*parts, f"{self.delay_s:g} s late" if self.delay_s else ""]))
+        seen = (
+            (self.delay_s, f"{self.delay_s:g} s late"),
+            (self.hz, f"{self.hz:g} Hz"),
+            (self.blur, f"blur {self.blur}"),
+            (self.noise, f"noise {self.noise:g}"),
+        )
+        return ", ".join(filter(None, [*parts, *(words for value, words in seen if value)]))
 
 
 class LevelReport(ResultModel):

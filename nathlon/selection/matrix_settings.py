@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from nathlon.selection.battery.measures import MEASURES, OWN
 from nathlon.sim.data_file import Named, Section
-from nathlon.sim.scenario import Delay
+from nathlon.sim.scenario import Blur, Delay, Hertz, Noise
 from nathlon.sim.validation import check_distinct
 from nathlon.sim.world import DYNAMICS_HZ
 
@@ -34,6 +34,8 @@ class MatrixSettings(Section):
         scenarios: by name or path.
         compounds: tyres of all cars; the scenario's own where there are none.
         delays_s: with which all cars see, s.
+        rates_hz: actions a second of all cars; the scenario's own where there are none.
+        blurs, noises: before all cameras, see `nathlon.sim.camera_spec`; for policies that see by one.
         places: starting places of the policy and of the baseline, as far as the scenario has them.
         opponents: who start from the other places, in turn; the world's baseline where there are none.
         margins: measures (`nathlon.selection.battery.measures.MEASURES`), and by how much of each the policy
@@ -59,6 +61,9 @@ class MatrixSettings(Section):
     )
     compounds: Levels = ()
     delays_s: Annotated[tuple[Delay, ...], Field(min_length=1, max_length=20)] = (0.0, 0.1)
+    rates_hz: Annotated[tuple[Hertz, ...], Field(max_length=20)] = ()
+    blurs: Annotated[tuple[Blur, ...], Field(min_length=1, max_length=20)] = (0,)
+    noises: Annotated[tuple[Noise, ...], Field(min_length=1, max_length=20)] = (0.0,)
     places: Annotated[tuple[Annotated[int, Field(ge=1, le=1000)], ...], Field(min_length=1)] = (1, 2, 4, 8)
     opponents: Levels = ()
     margins: Annotated[Mapping[str, Margin], Field(min_length=1)] = MARGINS
@@ -76,6 +81,9 @@ class MatrixSettings(Section):
             scenarios=self.scenarios,
             compounds=self.compounds,
             delays_s=[round(delay * DYNAMICS_HZ) / DYNAMICS_HZ for delay in self.delays_s],
+            rates_hz=self.rates_hz,
+            blurs=self.blurs,
+            noises=self.noises,
             places=self.places,
         )
         return self

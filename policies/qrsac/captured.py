@@ -8,10 +8,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from nathlon.policies.qrsac.update import Metrics, Noise, Pace, State
+from nathlon.policies.qrsac.update import Metrics, Minibatch, Noise, Pace, State
 from nathlon.policies.replay_buffer.table import Batch
 
-Run = Callable[[State, Pace, Batch, Noise], Metrics]
+Run = Callable[[State, Pace, Minibatch, Noise], Metrics]
 """One update, which overwrites the state."""
 
 

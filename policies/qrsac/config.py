@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+PASSAGE, RECALLED = 16, 4
+"""Steps of a passage, and of these the first ones, unless a configuration says otherwise."""
 Width = Annotated[int, Field(ge=1, le=8192)]
 
 
@@ -29,6 +31,7 @@ class QRSACConfig(BaseModel):
         alpha: weight of the entropy bonus; tied to the scale of the reward.
         critic_rate: Adam's learning rate of the critics.
         policy_rate: Adam's learning rate of the policy.
+        policy_waits: updates at first in which the critics alone learn, for a policy that has learnt before.
         final_rates: share of both learning rates that is left at the end of a run; they fall by half a
             cosine (not in the reference).
         final_alpha: the same of alpha.
@@ -38,6 +41,9 @@ class QRSACConfig(BaseModel):
         gradient_norm: greatest norm of the gradient of both critics together.
         dropout: share of the policy's hidden units dropped in the pass that updates the policy.
         batch: transitions an update.
+        passage: steps of a run that are learnt from together, where the policy remembers or does not see what
+            its critics see.
+        recalled: of these, the first ones, which only bring the memory up to date.
         precision: of the hidden layers' matrix products, all else is float32 in any case; `auto` takes
             bfloat16 where the processor has instructions for it.
     """
@@ -54,6 +60,7 @@ class QRSACConfig(BaseModel):
     alpha: Annotated[float, Field(ge=0.0)] = 0.01
     critic_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 5e-5
     policy_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 2.5e-5
+    policy_waits: Annotated[int, Field(ge=0, exclude_if=lambda updates: not updates)] = 0
     final_rates: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     final_alpha: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     polyak: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
@@ -61,4 +68,12 @@ class QRSACConfig(BaseModel):
     gradient_norm: Annotated[float, Field(gt=0.0)] = 10.0
     dropout: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
     batch: Annotated[int, Field(ge=1, le=1_000_000)] = 1024
+    passage: Annotated[int, Field(ge=1, le=1000, exclude_if=lambda steps: steps == PASSAGE)] = PASSAGE
+    recalled: Annotated[int, Field(ge=0, le=1000, exclude_if=lambda steps: steps == RECALLED)] = RECALLED
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
+
+    @model_validator(mode="after")
+    def _learns_from_the_rest(self) -> QRSACConfig:
+        if self.recalled >= self.passage:
+            raise ValueError(f"recalled is {self.recalled}, expected less than passage, {self.passage}")
+        return self

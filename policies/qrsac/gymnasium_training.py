@@ -1,4 +1,8 @@
-"""QR-SAC on any Gymnasium environment with continuous observations and actions."""
+"""QR-SAC on any Gymnasium environment with continuous observations and actions.
+
+An environment may show its critics more than its policy: its observations are then a Dict of `observation`,
+which the policy sees, and `critic_observation`, which its critics see instead.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +12,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from nathlon.policies.general.checkpoint import GeneralCard, save_general
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.learner import QRSAC
+from nathlon.policies.qrsac.recurrent import RecurrentNetwork
+from nathlon.policies.qrsac.update import Minibatch, passages_of, windows_of
+from nathlon.policies.replay_buffer.passages import PassageReplay
 from nathlon.policies.replay_buffer.table import NStepReplay
 from nathlon.sim.errors import InputError
 
 Array = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 Environments = VectorEnv[Any, Any, Any]
+PARTS = "observation", "critic_observation"
+"""Of what an environment shows that shows its critics something else."""
 
 
 class Transitions(NamedTuple):
     """One step of each of n environments.
 
     Attributes:
-        observation: (n, d) before the step.
+        observation: (n, d) before the step: what the policy sees, then what its critics see instead, if any.
         reward: (n,) float64.
         next_observation: (n, d) after the step, before any reset.
         terminated, truncated: (n,) as Gymnasium has them.
@@ -46,8 +55,9 @@ class FlatEnvironments:
     """A vector environment with flat observations and actions in [-1, 1], whatever its autoreset mode.
 
     Attributes:
-        observation: (n, d) what the environments show now.
-        observation_size, action_size: lengths of one observation and one action.
+        observation: (n, d) what the environments show now, see `Transitions`.
+        observation_size, critic_size, action_size: lengths of what the policy sees, of what its critics see
+            instead, 0 if they see the same, and of an action.
     """
 
     def __init__(self, environments: Environments) -> None:
@@ -56,9 +66,17 @@ class FlatEnvironments:
         Raises:
             InputError: if the spaces are not boxes, the actions unbounded or the autoreset mode unknown.
         """
-        seen, done = environments.single_observation_space, environments.single_action_space
-        if not isinstance(seen, Box):
-            raise InputError(f"environment: observation space is {seen}, expected a Box")
+        shown, done = environments.single_observation_space, environments.single_action_space
+        boxes = (
+            [shown[name] for name in PARTS]
+            if isinstance(shown, Dict) and set(shown) == set(PARTS)
+            else [shown]
+        )
+        if not all(isinstance(box, Box) for box in boxes):
+            raise InputError(
+                f"environment: observation space is {shown}, expected a Box, or a Dict of two named "
+                f"{' and '.join(PARTS)}"
+            )
         if not isinstance(done, Box) or not done.is_bounded():
             raise InputError(f"environment: action space is {done}, expected a bounded Box")
         self._environments = environments
@@ -68,7 +86,8 @@ class FlatEnvironments:
             raise InputError(f"environment: metadata autoreset_mode: {error}") from None
         self._action_space = done
         self.count = environments.num_envs
-        self.observation_size = int(np.prod(seen.shape))
+        self.observation_size, *critic = (int(np.prod(box.shape)) for box in boxes)
+        self.critic_size = critic[0] if critic else 0
         self.action_size = int(np.prod(done.shape))
         self.observation: Array
         self._resetting: Flags
@@ -78,6 +97,11 @@ class FlatEnvironments:
         observation, _ = self._environments.reset(seed=seed)
         self.observation = self._flat(observation)
         self._resetting = np.zeros(self.count, np.bool_)
+
+    def parted(self, observation: Array) -> tuple[Array, Array]:
+        """What the policy sees of rows (n, d), and what its critics see."""
+        seen = observation[:, : self.observation_size]
+        return seen, observation[:, self.observation_size :] if self.critic_size else seen
 
     def step(self, actions: Array) -> Transitions:
         """Advances all environments; those that ended before start anew.
@@ -99,13 +123,22 @@ class FlatEnvironments:
         elif ended.any():
             if self._mode is AutoresetMode.SAME_STEP:
                 reached = reached.copy()
-                reached[ended] = np.stack(list(infos["final_obs"][ended])).reshape(-1, self.observation_size)
+                reached[ended] = [_row(final) for final in infos["final_obs"][ended]]
             else:
                 self.observation = self._flat(self._environments.reset(options={"reset_mask": ended})[0])
         return Transitions(before, reward, reached, terminated, truncated, valid)
 
-    def _flat(self, observation: NDArray[Any]) -> Array:
-        return np.array(observation, np.float32).reshape(self.count, self.observation_size)
+    def _flat(self, observation: NDArray[Any] | dict[str, NDArray[Any]]) -> Array:
+        if not isinstance(observation, dict):
+            return np.array(observation, np.float32).reshape(self.count, -1)
+        return np.concatenate([self._flat(observation[part]) for part in PARTS], axis=1)
+
+
+def _row(observation: NDArray[Any] | dict[str, NDArray[Any]]) -> Array:
+    """One observation, flat."""
+    if not isinstance(observation, dict):
+        return np.asarray(observation, np.float32).ravel()
+    return np.concatenate([_row(observation[part]) for part in PARTS])
 
 
 class GymnasiumTraining:
@@ -126,6 +159,7 @@ class GymnasiumTraining:
         capacity: int = 1_000_000,
         updates: int = 1,
         compiled: bool = True,
+        memory: int = 0,
     ) -> None:
         """A run at its beginning; equal arguments make equal runs.
 
@@ -136,7 +170,8 @@ class GymnasiumTraining:
             warm_up: steps, of all environments together, with random actions and without updates.
             capacity: transitions that the replay keeps.
             updates: after each step of the vector environment.
-            compiled: whether to compile the update.
+            compiled: whether to compile the update; one that goes through passages never is.
+            memory: units of the policy's gated recurrent unit; 0 for a policy that remembers nothing.
 
         Raises:
             InputError: if the environments are not such that QR-SAC can act in them, or the capacity is
@@ -147,34 +182,59 @@ class GymnasiumTraining:
         )
         self.steps = 0
         self._seed = seed
-        self._environments = FlatEnvironments(environments)
+        self._environments = flat = FlatEnvironments(environments)
         self._rng = np.random.default_rng(choices)
         self._warm_up, self._updates = warm_up, updates
-        sizes = self._environments.observation_size, self._environments.action_size
-        self.learner = QRSAC(*sizes, config, torch.Generator().manual_seed(learner), compiled)
-        self._replay = NStepReplay(capacity, self._environments.count, *sizes, config.n_step, config.gamma)
-        self._environments.reset(starts)
+        seen, done = flat.observation_size, flat.action_size
+        hidden = flat.critic_size or seen
+        self._recurrent = (
+            RecurrentNetwork.of_numbers(seen, memory, config.hidden, done)
+            if memory or flat.critic_size
+            else None
+        )
+        self.learner = QRSAC(
+            hidden, done, config, torch.Generator().manual_seed(learner), compiled, recurrent=self._recurrent
+        )
+        self._memory = np.zeros((flat.count, memory), np.float32)
+        self._replay: NStepReplay | PassageReplay
+        if self._recurrent is None:
+            self._replay = NStepReplay(capacity, flat.count, seen, done, config.n_step, config.gamma)
+        else:
+            example = np.zeros((1, seen), np.float32)
+            self._replay = PassageReplay(
+                capacity, flat.count, example, hidden, done, memory, windows_of(config)
+            )
+        flat.reset(starts)
 
     def advance(self, steps: int) -> None:
         """Trains over at least that many more steps, counted over all environments together."""
         end = self.steps + steps
         while self.steps < end:
             warm = self.steps >= self._warm_up
-            actions = self._act() if warm else self._random()
+            memory, actions = self._memory, self._random()
+            if warm or self._recurrent:
+                seen, _ = self._environments.parted(self._environments.observation)
+                acted, self._memory = self.learner.drive(seen, memory, stochastic=True)
+                actions = acted if warm else actions
             made = self._environments.step(actions)
-            self._replay.add(
-                made.observation,
-                actions,
-                made.reward.astype(np.float32),
-                made.next_observation,
-                made.terminated,
-                made.truncated,
-                made.valid,
-            )
+            self._remember(made, actions, memory)
+            self._memory[made.terminated | made.truncated | ~made.valid] = 0.0
             self.steps += int(made.valid.sum())
             if warm:
                 for _ in range(self._updates):
-                    self.learner.update(self._replay.sample(self.learner.config.batch, self._rng))
+                    self.learner.update(self._sample())
+
+    def _remember(self, made: Transitions, actions: Array, memory: Array) -> None:
+        reward, ends = made.reward.astype(np.float32), (made.terminated, made.truncated, made.valid)
+        if isinstance(self._replay, NStepReplay):
+            self._replay.add(made.observation, actions, reward, made.next_observation, *ends)
+        else:
+            seen, hidden = self._environments.parted(made.observation)
+            self._replay.add(seen, memory, hidden, actions, reward, *ends)
+
+    def _sample(self) -> Minibatch:
+        config = self.learner.config
+        return self._replay.sample(passages_of(config) if self._recurrent else config.batch, self._rng)
 
     def save(self, path: Path) -> None:
         """Writes the policy, which acts by its mean, as `nathlon.policies.general.load_general` reads it.
@@ -185,11 +245,14 @@ class GymnasiumTraining:
         Raises:
             InputError: if it cannot be written, or the policy is not finite as float16.
         """
+        memory = self._memory.shape[1]
         card = GeneralCard(
+            format=2 if memory else 1,
             algorithm="qr-sac",
             hidden=self.learner.config.hidden,
             observation_size=self._environments.observation_size,
             action_size=self._environments.action_size,
+            memory=memory,
             step=self.learner.made,
             seed=self._seed,
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
@@ -198,9 +261,6 @@ class GymnasiumTraining:
             save_general(path, self.learner.policy_tensors(), card)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-
-    def _act(self) -> Array:
-        return self.learner.act(self._environments.observation, stochastic=True)
 
     def _random(self) -> Array:
         shape = self._environments.count, self._environments.action_size
@@ -217,9 +277,11 @@ def evaluate(learner: QRSAC, environments: Environments, seed: int) -> NDArray[n
     """
     flat = FlatEnvironments(environments)
     flat.reset(seed)
+    memory = np.zeros((flat.count, learner.memory), np.float32)
     returns, running = np.zeros(flat.count), np.ones(flat.count, np.bool_)
     while running.any():
-        made = flat.step(learner.act(flat.observation, stochastic=False))
+        actions, memory = learner.drive(flat.parted(flat.observation)[0], memory, stochastic=False)
+        made = flat.step(actions)
         returns += np.where(running, made.reward, 0.0)
         running &= ~(made.terminated | made.truncated)
     return returns

@@ -16,9 +16,9 @@ from torch import Tensor
 from nathlon.policies.qrsac.captured import CapturedUpdates, Inputs, Run
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.memory import keep_freed_memory
-from nathlon.policies.qrsac.networks import Perceptron, act
-from nathlon.policies.qrsac.update import Metrics, Noise, State, Update
-from nathlon.policies.replay_buffer.table import Batch
+from nathlon.policies.qrsac.recurrent import Network, RecurrentNetwork, act
+from nathlon.policies.qrsac.update import Metrics, Minibatch, Noise, PassageUpdate, State, Update
+from nathlon.policies.replay_buffer.passages import Observations
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
@@ -62,11 +62,12 @@ class QRSAC:
         compiled: bool = True,
         updates: int | None = None,
         facts: int = 0,
+        recurrent: RecurrentNetwork | None = None,
     ) -> None:
         """A learner with fresh networks on the generator's device.
 
         Args:
-            observation_size: length of an observation.
+            observation_size: length of an observation, as the critics see it.
             action_size: length of an action.
             config: hyperparameters.
             generator: the source of all randomness, advanced by updates and stochastic actions.
@@ -74,6 +75,8 @@ class QRSAC:
                 half a minute and a batch must always have the same size.
             updates: of the whole run, after which rates and alpha have fallen to their final shares.
             facts: how many numbers of an observation, the last ones, the encoder takes.
+            recurrent: the policy where it remembers, or does not see what its critics see; it learns from
+                passages, and updates are not compiled.
 
         Raises:
             InputError: if there is an encoder and nothing to encode, or something is to fall and the updates
@@ -92,11 +95,16 @@ class QRSAC:
             if config.precision == "auto"
             else getattr(torch, config.precision)
         )
-        self._update = Update(observation_size, action_size, config, precision, updates, facts)
+        self.recurrent = recurrent
+        if recurrent is None:
+            self._update = Update(observation_size, action_size, config, precision, updates, facts)
+        else:
+            self._update = PassageUpdate(observation_size, action_size, config, recurrent, precision, updates)
         if generator.device.type == "cpu":
             keep_freed_memory()
-        self._run = _compiled(self._update) if compiled else self._update.in_place
-        policy = self._update.policy.initial(generator)
+        compiled = compiled and recurrent is None
+        self._run: Run = _compiled(self._update) if compiled else self._update.in_place
+        policy = self.policy_network.initial(generator)
         critic = self._update.critics.initial(generator)
         self._state = State(
             policy=policy,
@@ -111,7 +119,7 @@ class QRSAC:
         self._made = 0
         self._graphs: dict[int, CapturedUpdates] = {}
 
-    def update(self, batch: Batch) -> Metrics:
+    def update(self, batch: Minibatch) -> Metrics:
         """Learns from one batch.
 
         Returns:
@@ -120,7 +128,7 @@ class QRSAC:
         """
         return self.updates(lambda: batch, 1)
 
-    def updates(self, sample: Callable[[], Batch], count: int) -> Metrics:
+    def updates(self, sample: Callable[[], Minibatch], count: int) -> Metrics:
         """Learns from so many batches, on a CUDA device in one captured graph for each count.
 
         Args:
@@ -132,7 +140,7 @@ class QRSAC:
         """
         with torch.no_grad():
             inputs = (self._inputs(sample()) for _ in range(count))
-            if self._generator.device.type == "cuda":
+            if self._generator.device.type == "cuda" and self.recurrent is None:
                 return self._captured(count, inputs)
             for each in inputs:
                 metrics = self._run(self._state, *each)
@@ -145,12 +153,11 @@ class QRSAC:
         self._graphs[count] = CapturedUpdates(self._run, self._state, first, count)
         return self._graphs[count](chain((first,), inputs))
 
-    def _inputs(self, batch: Batch) -> Inputs:
+    def _inputs(self, batch: Minibatch) -> Inputs:
         device = self._generator.device
         pace = self._update.pace(self._made, device)
         self._made += 1
-        there = Batch(*(tensor.to(device) for tensor in batch))
-        return Inputs(pace, there, self._noise(len(batch.reward)))
+        return Inputs(pace, batch.to(device), self._noise(len(batch.reward)))
 
     def _noise(self, count: int) -> Noise:
         action, next_action = self._normal(count), self._normal(count)
@@ -164,9 +171,16 @@ class QRSAC:
         return torch.randn(shape, generator=self._generator, device=self._generator.device)
 
     @property
-    def policy_network(self) -> Perceptron:
+    def policy_network(self) -> Network:
         """The policy as a function of its parameters, in full precision."""
+        if self.recurrent is not None:
+            return self.recurrent
         return replace(self._update.policy, precision=torch.float32)
+
+    @property
+    def memory(self) -> int:
+        """Numbers that the policy remembers; 0 for none."""
+        return self.policy_network.memory
 
     @property
     def policy_parameters(self) -> Tensor:
@@ -185,9 +199,14 @@ class QRSAC:
 
     def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
         """Actions (n, a) of the present policy drawn from the learner's generator, or of the mean policy."""
-        if stochastic:
-            return act(self.policy_network, self._state.policy, observations, self._generator)
-        return act(self.policy_network, self._state.average, observations, None)
+        return self.drive(observations, np.zeros((len(observations), 0), np.float32), stochastic)[0]
+
+    def drive(
+        self, seen: Observations, memory: NDArray[np.float32], stochastic: bool
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """As `act`, of a policy that may remember: actions (n, a), and memory (n, m) after them."""
+        parameters = self._state.policy if stochastic else self._state.average
+        return act(self.policy_network, parameters, seen, memory, self._generator if stochastic else None)
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """The mean policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
@@ -195,6 +214,9 @@ class QRSAC:
         The last layer gives the means, then the logarithms of the standard deviations. An encoder's are
         `encoder.0.weight` and so on.
         """
+        if self.recurrent is not None:
+            named = self.recurrent.tensors(self._state.average)
+            return {name: tensor.cpu().numpy().copy() for name, tensor in named.items()}
         tensors = self._update.policy.tensors(self._state.average)
         encoded = len(self.config.encoder)
         layers = [f"encoder.{i}" for i in range(encoded)] + [
@@ -241,6 +263,10 @@ class QRSAC:
             {name: state[name] for name in NETWORKS},
         )
         self._take(tensors, NETWORKS)
+
+    def load_policy(self, parameters: Tensor) -> None:
+        """Takes the parameters (p,) of the policy; all else stays as it is."""
+        self._take({"policy": parameters, "average": parameters}, ("policy", "average"))
 
     def _take(self, tensors: dict[str, Tensor], names: Iterable[str]) -> None:
         for name in names:

@@ -9,11 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -45,6 +43,8 @@ class Perceptron:
     stack: tuple[int, ...] = ()
     layer_norm: bool = False
     precision: torch.dtype = torch.float32
+    memory: ClassVar[int] = 0
+    """It remembers nothing."""
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
@@ -130,25 +130,3 @@ def squashed_normal(outputs: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
     # log(1 - tanh(x)^2) in a form that does not cancel for large x
     log_slope = 2.0 * (math.log(2.0) - raw - F.softplus(-2.0 * raw))
     return torch.tanh(raw), (log_normal - log_slope).sum(-1)
-
-
-def act(
-    network: Perceptron,
-    parameters: Tensor,
-    observations: NDArray[np.float32],
-    generator: torch.Generator | None,
-) -> NDArray[np.float32]:
-    """Actions (n, a) in [-1, 1] of a policy for observations (n, d), in evaluation mode (no dropout).
-
-    Args:
-        network, parameters: the policy.
-        observations: what is seen.
-        generator: on the parameters' device, draws the actions from the policy; None for the squashed mean.
-    """
-    with torch.no_grad():
-        outputs = network(parameters, torch.as_tensor(observations, device=parameters.device))
-        if generator is None:
-            return torch.tanh(outputs.chunk(2, dim=-1)[0]).cpu().numpy()
-        shape = (len(outputs), outputs.shape[1] // 2)
-        noise = torch.randn(shape, generator=generator, device=parameters.device)
-        return squashed_normal(outputs, noise)[0].cpu().numpy()

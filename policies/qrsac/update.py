@@ -16,12 +16,15 @@ from torch import Tensor
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.dropout import dropout_factors
 from nathlon.policies.qrsac.networks import Perceptron, squashed_normal
+from nathlon.policies.qrsac.recurrent import RecurrentNetwork
+from nathlon.policies.replay_buffer.passages import PassageBatch, Windows
 from nathlon.policies.replay_buffer.table import Batch
 
 ADAM_DECAY = (0.9, 0.999)
 ADAM_EPSILON = 1e-8
 
 Metrics = dict[str, Tensor]
+Minibatch = Batch | PassageBatch
 
 
 class State(NamedTuple):
@@ -179,40 +182,49 @@ class Update:
         scalars = (
             annealed(config.alpha, config.final_alpha, made, self._updates),
             annealed(config.critic_rate, config.final_rates, made, self._updates) / correction,
-            annealed(config.policy_rate, config.final_rates, made, self._updates) / correction,
+            0.0
+            if made < config.policy_waits
+            else annealed(config.policy_rate, config.final_rates, made, self._updates) / correction,
             math.sqrt(1.0 - second**step),
             max(1.0 / step, config.averaging),
         )
         return Pace(*torch.tensor(scalars, device=device).unbind())
 
-    def targets(self, state: State, alpha: Tensor, batch: Batch, noise: Noise) -> Tensor:
+    def targets(self, state: State, alpha: Tensor, batch: Minibatch, noise: Noise) -> Tensor:
         """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
 
         k is, for each sample, the target critic with the smaller mean there; the entropy enters at the
         last step only. The policy runs in evaluation mode (no dropout).
         """
-        outputs = self.policy(state.policy, batch.next_observation)
-        action, log_density = squashed_normal(outputs, noise.next_action)
+        action, log_density = squashed_normal(self._later(state.policy, batch), noise.next_action)
         first, second = self.returns(state.target, batch.next_observation, action)
         smaller = torch.where((first.mean(-1) <= second.mean(-1))[:, None], first, second)
         soft = smaller - alpha * log_density[:, None]
         return batch.reward[:, None] + batch.discount[:, None] * soft
 
     def policy_loss(
-        self, policy: Tensor, critics: Tensor, alpha: Tensor, batch: Batch, noise: Noise
+        self, policy: Tensor, critics: Tensor, alpha: Tensor, batch: Minibatch, noise: Noise
     ) -> tuple[Tensor, Tensor]:
         """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
-        outputs = self.policy(policy, batch.observation, kept=self._kept(noise.seed, len(batch.reward)))
+        outputs = self._now(policy, batch, self._kept(noise.seed, len(batch.reward)))
         action, log_density = squashed_normal(outputs, noise.action)
         value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
         return (alpha * log_density - value).mean(), log_density.mean()
+
+    def _now(self, policy: Tensor, batch: Minibatch, kept: Tensor | None) -> Tensor:
+        """The policy's outputs (n, 2a) at the beginning of the transitions."""
+        return self.policy(policy, batch.observation, kept=kept)
+
+    def _later(self, policy: Tensor, batch: Minibatch) -> Tensor:
+        """The policy's outputs (n, 2a) at their end, without dropout."""
+        return self.policy(policy, batch.next_observation)
 
     def _kept(self, seed: Tensor | None, count: int) -> Tensor | None:
         if seed is None:
             return None
         return dropout_factors(seed, (count, sum(self.config.hidden)), self.config.dropout)
 
-    def __call__(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
+    def __call__(self, state: State, pace: Pace, batch: Minibatch, noise: Noise) -> tuple[State, Metrics]:
         """The state after one update of critics, policy (against the new critics) and targets."""
         config = self.config
         targets = self.targets(state, pace.alpha, batch, noise)
@@ -246,7 +258,7 @@ class Update:
         new = State(policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, average)
         return new, metrics
 
-    def in_place(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> Metrics:
+    def in_place(self, state: State, pace: Pace, batch: Minibatch, noise: Noise) -> Metrics:
         """One update that overwrites the state.
 
         Fresh memory for every update of wide networks costs more than their optimiser: the system must
@@ -256,3 +268,48 @@ class Update:
         for old, fresh in zip(state, new, strict=True):
             old.copy_(fresh)
         return metrics
+
+
+def windows_of(config: QRSACConfig) -> Windows:
+    """How passages are cut."""
+    return Windows(config.passage, config.recalled, config.n_step, config.gamma)
+
+
+def passages_of(config: QRSACConfig) -> int:
+    """How many passages have the transitions of a minibatch."""
+    return max(config.batch // (config.passage - config.recalled), 1)
+
+
+class PassageUpdate(Update):
+    """The update of a policy that remembers, and that need not see what its critics see.
+
+    The policy goes through whole passages, so that its memory learns what to keep; its critics know all that
+    matters of each step (asymmetric actor-critic: Pinto et al., RSS 2018).
+    """
+
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        config: QRSACConfig,
+        network: RecurrentNetwork,
+        precision: torch.dtype = torch.float32,
+        updates: int | None = None,
+    ) -> None:
+        """As `Update`; the critics take observation_size numbers, the policy is the network."""
+        super().__init__(observation_size, action_size, config, precision, updates)
+        self.network, self._windows = network, windows_of(config)
+
+    def _now(self, policy: Tensor, batch: Minibatch, kept: Tensor | None) -> Tensor:
+        assert isinstance(batch, PassageBatch), "it learns from passages"
+        windows = self._windows
+        seen = [part[:, : windows.length] for part in batch.seen]
+        if kept is not None:
+            kept = kept.view(len(batch.memory), -1, kept.shape[-1])
+        return self.network(policy, seen, batch.memory, windows.recalled, kept).flatten(0, 1)
+
+    def _later(self, policy: Tensor, batch: Minibatch) -> Tensor:
+        assert isinstance(batch, PassageBatch), "it learns from passages"
+        windows = self._windows
+        outputs = self.network(policy, batch.seen, batch.memory, windows.recalled)
+        return outputs[:, windows.lasts - windows.recalled].flatten(0, 1)

@@ -37,6 +37,10 @@ class Batch(NamedTuple):
     discount: Tensor
     next_observation: Tensor
 
+    def to(self, device: torch.device) -> Batch:
+        """The same on a device."""
+        return Batch(*(tensor.to(device) for tensor in self))
+
     @classmethod
     def empty(cls, count: int, observation_size: int, action_size: int) -> Batch:
         """Room for `count` transitions."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -193,7 +194,11 @@ class ObservationSettings(Section):
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""
-        return ObservationSpec(**self.model_dump(exclude={"camera"}), camera=self.camera)
+        return replace(self.critic_spec(), camera=self.camera) if self.camera else self.critic_spec()
+
+    def critic_spec(self) -> ObservationSpec:
+        """What critics see instead: of who sees by a camera the numbers, else the same."""
+        return ObservationSpec(**self.model_dump(exclude={"camera"}))
 
 
 class TrainingConfig(Section):
@@ -213,7 +218,7 @@ class TrainingConfig(Section):
             which is exactly reproducible. Polishing and imitation share their trials among them.
         refresh_every: updates between the policies that the rollouts are given.
         tables: one replay table for each of the rollouts, or one for all.
-        vision: of a policy that sees by a camera, which learns by imitation.
+        vision: of a policy that sees by a camera; its critics see the numbers that it does not.
         imitation: if given, the policy learns from a teacher instead of rewards.
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
     """
@@ -262,8 +267,8 @@ class TrainingConfig(Section):
             raise ValueError("vision and observation.camera belong together, expected both or neither")
         if self.vision is None or camera is None:
             return self
-        if self.imitation is None:
-            raise ValueError("vision is given, expected an imitation beside it")
+        if self.keep_replay:
+            raise ValueError("keep_replay is true, expected false beside a vision")
         if self.qrsac.encoder:
             raise ValueError("qrsac.encoder is given, expected none beside a vision")
         self.vision.shapes(camera, 0)  # raises where nothing is left of the pictures

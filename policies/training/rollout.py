@@ -110,6 +110,11 @@ class Rollout:
         self._env = OpponentWrapper(
             episodes, learners.tolist(), config.observation.spec(), self._population.policies
         )
+        self._hidden = (
+            episodes.watch(config.observation.critic_spec(), self._env.races, self._env.cars)
+            if config.vision
+            else None
+        )
         self._demonstrators = Demonstrators(
             load_opponents([pair.wise(name) for name in rollouts.demonstrators], pair.circuit, pair.car),
             episodes,
@@ -145,8 +150,13 @@ class Rollout:
 
     @property
     def observation(self) -> Array:
-        """What the learner's cars see, (slots, size) float32."""
+        """What the learner's cars see, (slots, size) float32; with a camera (slots,) records."""
         return self._env.seen
+
+    @property
+    def hidden(self) -> Array:
+        """What the learner's critics see instead, (slots, size) float32; size is 0 if they see the same."""
+        return self._hidden.seen if self._hidden else np.zeros((self.slots, 0), np.float32)
 
     def meet(self, current: Policy | None, past: Sequence[Path]) -> None:
         """Let the opponents `self` and `past` be what they are called.

@@ -70,8 +70,13 @@ class RolloutStint:
 
     @property
     def observation(self) -> NDArray[np.float32]:
-        """What the learner's cars see, (slots, size) float32."""
+        """What the learner's cars see; see `Rollout.observation`."""
         return self._rollout.observation
+
+    @property
+    def hidden(self) -> NDArray[np.float32]:
+        """What the learner's critics see instead; see `Rollout.hidden`."""
+        return self._rollout.hidden
 
     def meet(self, current: Policy | None, past: Sequence[Path]) -> None:
         """Let the opponents be what they are called; see `Rollout.meet`."""

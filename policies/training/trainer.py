@@ -13,10 +13,14 @@ from typing import Literal
 import numpy as np
 import torch
 
-from nathlon.policies.checkpoint import Card, save_checkpoint
-from nathlon.policies.policy import StatelessPolicy
+from nathlon.policies.checkpoint import Card, open_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.qrsac.learner import QRSAC
-from nathlon.policies.replay_buffer.tables import ReplayTables
+from nathlon.policies.qrsac.recurrent import RecurrentNetwork
+from nathlon.policies.qrsac.update import passages_of, windows_of
+from nathlon.policies.replay_buffer.passages import PassageReplay, PassageTables
+from nathlon.policies.replay_buffer.table import NStepReplay
+from nathlon.policies.replay_buffer.tables import ReplayTables, apportion
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.log import Status, TrainingLog
@@ -65,20 +69,21 @@ class Trainer:
         if device == "cuda" and not torch.cuda.is_available():
             raise InputError("device: found no GPU that PyTorch can use for 'cuda', expected 'cpu'")
         self.folder, self.config, self.seed = folder, config, seed
+        self.updates = self.transitions = self._checkpointed = 0
         replay, learner = np.random.SeedSequence(seed).spawn(2)
         self._rng = np.random.default_rng(replay)
         generator = torch.Generator(device).manual_seed(int(learner.generate_state(1)[0]))
-        self._spec = config.observation.spec()
+        told = config.observation.critic_spec()
         self.learner = QRSAC(
-            self._spec.size,
+            told.size,
             ACTION_SIZE,
             config.qrsac,
             generator,
             updates=config.updates,
-            facts=self._spec.facts,
+            facts=told.facts,
+            recurrent=None if config.vision is None else seeing_network(self._card()),
         )
         self.replay = _tables(config)
-        self.updates = self.transitions = self._checkpointed = 0
         self._wall_s = 0.0
         self._owed = 0
         self._metrics: dict[str, torch.Tensor] = {}
@@ -126,16 +131,29 @@ class Trainer:
         return trainer
 
     def _load_networks(self, origin: Path) -> None:
+        if self.learner.recurrent and read_run_folder(origin)[0].imitation:
+            return self._load_taught(origin, self.learner.recurrent)
         try:
             self.learner.load_networks(load_state(origin).learner)
         except InputError as error:
             raise InputError(f"{origin}: cannot be started from: {error}") from None
 
+    def _load_taught(self, origin: Path, network: RecurrentNetwork) -> None:
+        """Go on with the newest policy of a run of imitation."""
+        checkpoint = max((origin / CHECKPOINTS).glob("*.safetensors"), default=None)
+        if checkpoint is None:
+            raise InputError(f"{origin}: cannot be started from: it has no checkpoint")
+        card, tensors = read_checkpoint(checkpoint)
+        if card.shapes != network.shapes:
+            raise InputError(f"{checkpoint}: cannot be started from: has another network")
+        self.learner.load_policy(network.flat(tensors))
+
     def _load_state(self) -> None:
         state = load_state(self.folder)
         try:
             self.learner.load_state_dict(state.learner)
-            if self.config.keep_replay and (self.folder / REPLAY_FILE).exists():
+            kept = self.config.keep_replay and (self.folder / REPLAY_FILE).exists()
+            if kept and isinstance(self.replay, ReplayTables):
                 self.replay.load_state_dict(read_tensors(self.folder / REPLAY_FILE))
                 # The episodes that were under way do not go on.
                 for table in self.replay.tables:
@@ -220,9 +238,21 @@ class Trainer:
         experience = gathered.experience
         if self.config.tables == "one":
             experience = [Experience.join(experience)]
-        for place, (observation, step) in enumerate(experience):
+        for place, (observation, step, hidden, memory) in enumerate(experience):
             table = self.replay.tables[place * _workers(self.config) + worker]
-            table.add(observation, *step)
+            if isinstance(table, NStepReplay):
+                table.add(observation, *step)
+            else:
+                table.add(
+                    observation,
+                    memory,
+                    hidden,
+                    step.action,
+                    step.reward,
+                    step.terminated,
+                    step.truncated,
+                    step.valid,
+                )
         self.transitions += gathered.tally.steps
 
     def _update(self) -> None:
@@ -252,13 +282,31 @@ class Trainer:
 
         The state comes last: who goes on from it finds the others, whenever this process was killed.
         """
-        config = self.config
         self._check_metrics()
-        card = Card(
+        card = self._card()
+        path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
+        with writing(path):
+            save_checkpoint(path, self.learner.policy_tensors(), card)
+        policy: Policy
+        if card.vision is None:
+            policy = StatelessPolicy(card.observation, partial(self.learner.act, stochastic=False))
+        else:
+            policy = open_checkpoint(path)
+        laps = mean_laps(evaluate_laps(pair, policy, self.seed) for pair in self._evaluated)
+        self._checkpointed = self.updates
+        log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)
+        self._save_state()
+
+    def _card(self) -> Card:
+        """What the policy is now."""
+        config = self.config
+        return Card(
+            format=2 if config.vision else 1,
             algorithm="QR-SAC" if config.qrsac.distributional else "SAC",
             hidden=config.qrsac.hidden,
             encoder=config.qrsac.encoder,
-            observation=self._spec,
+            vision=config.vision,
+            observation=config.observation.spec(),
             circuit=config.circuit,
             car=config.car,
             scenarios=tuple(rollouts.scenario for rollouts in config.rollouts),
@@ -267,18 +315,10 @@ class Trainer:
             seed=self.seed,
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
         )
-        path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
-        with writing(path):
-            save_checkpoint(path, self.learner.policy_tensors(), card)
-        policy = StatelessPolicy(self._spec, partial(self.learner.act, stochastic=False))
-        laps = mean_laps(evaluate_laps(pair, policy, self.seed) for pair in self._evaluated)
-        self._checkpointed = self.updates
-        log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)
-        self._save_state()
 
     def _save(self) -> None:
         self._save_state()
-        if self.config.keep_replay:
+        if self.config.keep_replay and isinstance(self.replay, ReplayTables):
             write_tensors(self.folder / REPLAY_FILE, self.replay.state_dict())
 
     def _save_state(self) -> None:
@@ -287,21 +327,40 @@ class Trainer:
         save_state(self.folder, RunState(self.updates, self.transitions, self._wall_s, learner, dict(rng)))
 
 
+def seeing_network(card: Card) -> RecurrentNetwork:
+    """The network of a policy that sees."""
+    assert card.vision is not None, "who sees has a vision"
+    return RecurrentNetwork(card.shapes, card.vision.strides, len(card.hidden), card.vision.memory)
+
+
 def _workers(config: TrainingConfig) -> int:
     return max(config.workers, 1)
 
 
-def _tables(config: TrainingConfig) -> ReplayTables:
+def _tables(config: TrainingConfig) -> ReplayTables | PassageTables:
     """A table for the experience of each worker in each rollout, or in all."""
     slots = [rollouts.worlds * rollouts.races * rollouts.learners for rollouts in config.rollouts]
     shares = list(config.shares)
     if config.tables == "one":
         slots, shares = [sum(slots)], [1.0]
     workers = _workers(config)
+    slots = [cars for cars in slots for _ in range(workers)]
+    shares = [share / workers for share in shares for _ in range(workers)]
+    if config.vision is not None:
+        example, told = config.observation.spec().blank(1), config.observation.critic_spec().size
+        windows, memory = windows_of(config.qrsac), config.vision.memory
+        return PassageTables(
+            [
+                PassageReplay(capacity, cars, example, told, ACTION_SIZE, memory, windows)
+                for capacity, cars in zip(apportion(config.replay, shares), slots, strict=True)
+            ],
+            shares,
+            passages_of(config.qrsac),
+        )
     return ReplayTables(
         config.replay,
-        [cars for cars in slots for _ in range(workers)],
-        [share / workers for share in shares for _ in range(workers)],
+        slots,
+        shares,
         config.qrsac.batch,
         config.observation.spec().size,
         ACTION_SIZE,

@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from nathlon.policies.policy import Batch
-from nathlon.policies.qrsac.networks import Perceptron, act
+from nathlon.policies.policy import Batch, Observations
+from nathlon.policies.qrsac.recurrent import Network, act
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.pairs import Pair, PairDraw
 from nathlon.policies.training.rollout import Step
@@ -22,18 +22,29 @@ from nathlon.sim.observation import ObservationSpec
 
 
 class Experience(NamedTuple):
-    """One step of one rollout: what its cars saw before (slots, size), and the step."""
+    """One step of one rollout.
 
-    observation: NDArray[np.float32]
+    Attributes:
+        observation: (slots, size) what its cars saw before; with a camera (slots,) records.
+        step: that followed.
+        hidden: (slots, c) what the critics saw before instead; c is 0 if they see the same.
+        memory: (slots, m) what the policy remembered before.
+    """
+
+    observation: Observations
     step: Step
+    hidden: Batch
+    memory: Batch
 
     @classmethod
     def join(cls, parts: Sequence[Experience]) -> Experience:
         """The experience of several rollouts as one of all their cars."""
-        observations, steps = zip(*parts, strict=True)
+        observations, steps, hidden, memory = zip(*parts, strict=True)
         return cls(
             np.concatenate(observations),
             Step(*(np.concatenate(column) for column in zip(*steps, strict=True))),
+            np.concatenate(hidden),
+            np.concatenate(memory),
         )
 
 
@@ -42,18 +53,18 @@ class CurrentPolicy:
 
     id = "self"
 
-    def __init__(self, observation_spec: ObservationSpec, network: Perceptron, parameters: Tensor) -> None:
+    def __init__(self, observation_spec: ObservationSpec, network: Network, parameters: Tensor) -> None:
         self.observation_spec = observation_spec
         self.parameters = parameters
         self._network = network
 
     def initial_memory(self, n: int) -> Batch:
-        """No memory: (n, 0) float32."""
-        return np.zeros((n, 0), np.float32)
+        """Zeros (n, m) float32; m is 0 without a memory."""
+        return np.zeros((n, self._network.memory), np.float32)
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
-        """Actions (n, 2) for observations (n, size); memory as it was."""
-        return act(self._network, self.parameters, observations, None), memory
+    def act(self, observations: Observations, memory: Batch) -> tuple[Batch, Batch]:
+        """Actions (n, 2) for observations, and memory (n, m) after them."""
+        return act(self._network, self.parameters, observations, memory, None)
 
 
 class Gathered(NamedTuple):
@@ -83,7 +94,7 @@ class WorkerSetup(NamedTuple):
 
     config: TrainingConfig
     pairs: Sequence[Pair]
-    network: Perceptron
+    network: Network
     news: News
     seed: np.random.SeedSequence
 
@@ -107,6 +118,9 @@ class RolloutWorker:
             [RolloutStint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
+        self._memory = self._policy.initial_memory(
+            sum(len(stint.observation) for stint in chain(*self._worlds))
+        )
         self.hear(news)
 
     def hear(self, news: News) -> None:
@@ -118,15 +132,20 @@ class RolloutWorker:
     def step(self) -> Gathered:
         """Advance every rollout by one step."""
         seen = [stint.observation for stint in chain(*self._worlds)]
-        actions = act(self._network, self._policy.parameters, np.concatenate(seen), self._generator)
+        before = self._memory
+        actions, self._memory = act(
+            self._network, self._policy.parameters, np.concatenate(seen), before, self._generator
+        )
         experience, tally, first = [], RolloutTally(), 0
         for worlds in self._worlds:
             parts = []
             for stint in worlds:
-                observation, slots = stint.observation, len(stint.observation)
-                step, happened = stint.step(actions[first : first + slots])
-                first += slots
-                parts.append(Experience(observation, step))
+                observation, hidden = stint.observation, stint.hidden
+                own = slice(first, first + len(observation))
+                step, happened = stint.step(actions[own])
+                first = own.stop
+                parts.append(Experience(observation, step, hidden, before[own]))
+                self._memory[own][step.terminated | step.truncated | ~step.valid] = 0.0
                 tally.add(happened)
             experience.append(Experience.join(parts) if len(parts) > 1 else parts[0])
         return Gathered(experience, tally)

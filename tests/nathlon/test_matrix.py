@@ -166,3 +166,4 @@ def test_a_setting_is_a_scenario_with_tyres_and_delay() -> None:
         CellSetting("lindenring", "gt3", "race", "racing-soft", 0.1).raced
         == "race:compound=racing-soft,delay=0.1"
     )
+    assert CellSetting("a", "b", "race", "", 0.0, 20.0, 2, 12.0).raced == "race:hz=20,blur=2,noise=12"

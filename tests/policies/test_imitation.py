@@ -251,7 +251,7 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
     ("changed", "said"),
     [
         ({"vision": None}, "belong together"),
-        ({"imitation": None}, "expected an imitation beside it"),
+        ({"imitation": None, "keep_replay": True}, "expected false beside a vision"),
         ({"qrsac": {"encoder": [4]}}, "expected none beside a vision"),
         ({"observation": {"camera": {"width": 8}}}, "width is 8, expected a whole number from 16"),
         ({"imitation": {"passage": 4, "recalled": 4}}, "expected less than passage"),

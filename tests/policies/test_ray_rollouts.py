@@ -113,12 +113,12 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
             [(index, there)] = workers.take(wait_for_one=True)
             assert index == 0
             assert there is not None
-            [(seen, step)] = there.experience
+            [(seen, step, *_)] = there.experience
             starts.append(seen)
             throttle.append(float(step.action[0, 0]))
             if number >= 10:
                 continue
-            [(own_seen, own)] = here.step().experience
+            [(own_seen, own, *_)] = here.step().experience
             assert seen.dtype == step.next_observation.dtype == np.float16
             np.testing.assert_array_equal(seen, own_seen.astype(np.float16))
             own = own._replace(next_observation=own.next_observation.astype(np.float16))
@@ -130,7 +130,7 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
         [(index, another)] = workers.take(wait_for_one=True)
         assert index == 0
         assert another is not None
-        [(seen, step)] = another.experience
+        [(seen, step, *_)] = another.experience
         assert seen.shape == starts[0].shape
         assert not np.array_equal(seen, starts[0])
         assert step.action[0, 0] < 0

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 import torch
 
-from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.checkpoint import SeeingPolicy, load_checkpoint, open_checkpoint, save_checkpoint
 from nathlon.policies.incoming import Incoming
 from nathlon.policies.policy import StatelessPolicy
 from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.replay_buffer.passages import PassageBatch
 from nathlon.policies.training import rewards, worker_pool
 from nathlon.policies.training import trainer as training
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
@@ -29,6 +30,7 @@ from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
+from nathlon.policies.training.run_folder import make_run_folder
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
 from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
@@ -444,6 +446,55 @@ def test_a_wrong_configuration_names_file_and_field(tmp_path: Path, text: str, s
     with pytest.raises(InputError, match=said) as error:
         read_config(path)
     assert str(path) in str(error.value)
+
+
+def seeing(**changes: object) -> TrainingConfig:
+    camera = {"camera": {"width": 24, "height": 16}}
+    vision = {"convolutions": [{"filters": 3, "side": 8, "stride": 4}], "features": 5, "memory": 4}
+    qrsac = SMALL.qrsac.model_dump() | {"passage": 4, "recalled": 1, "policy_waits": 4} | changes
+    return changed(observation=camera, vision=vision, qrsac=qrsac)
+
+
+def test_critics_of_a_policy_that_sees_are_told_numbers_and_it_goes_on_from_what_it_was_taught(
+    tmp_path: Path,
+) -> None:
+    lessons = TrainingConfig.model_validate(seeing().model_dump() | {"imitation": {"teacher": "champion"}})
+    make_run_folder(tmp_path / "taught", lessons, 1)
+    own = Trainer(tmp_path, seeing(), 1)._card()
+    rng = np.random.default_rng(1)
+    tensors = {name: rng.normal(0.0, 0.1, shape).astype(np.float16) for name, shape in own.shapes.items()}
+    save_checkpoint(tmp_path / "taught" / "checkpoints" / "step-0000001.safetensors", tensors, own)
+
+    trainer = Trainer.start(tmp_path / "run", seeing(), 1, origin=tmp_path / "taught")
+    before = trainer.learner.state_dict()
+    np.testing.assert_array_equal(
+        trainer.learner.policy_tensors()["vision.0.weight"], tensors["vision.0.weight"].astype(np.float32)
+    )
+    train(trainer)
+    after = trainer.learner.state_dict()
+    assert trainer.updates == 8
+    assert not any(after[name].equal(before[name]) for name in ("policy", "critic"))
+    told = seeing().observation.critic_spec()
+    batch = trainer.replay.sample(np.random.default_rng(1))
+    assert batch.observation.shape == (5 * 3, told.size)
+    assert isinstance(batch, PassageBatch)
+    assert batch.seen[1].shape == (5, 5, 16, 24, 3)
+    assert batch.memory.abs().max() > 0.0
+    policy = open_checkpoint(tmp_path / "run" / "checkpoints" / "step-0000008.safetensors")
+    assert isinstance(policy, SeeingPolicy)
+    assert policy.card.algorithm == "QR-SAC"
+    assert Trainer.resume(tmp_path / "run").learner.policy_parameters.equal(after["policy"])
+
+
+def test_a_policy_that_waits_stays_as_it_was(tmp_path: Path) -> None:
+    trainer = Trainer.start(
+        tmp_path / "run", changed(qrsac=SMALL.qrsac.model_dump() | {"policy_waits": 8}), 1
+    )
+    before = trainer.learner.state_dict()
+    train(trainer)
+    after = trainer.learner.state_dict()
+    assert after["policy"].equal(before["policy"])
+    assert not after["critic"].equal(before["critic"])
 
 
 @pytest.mark.parametrize(("pedal", "steering"), [(0.0, 0.0), (0.5, 1.0)], ids=["at rest", "in circles"])

@@ -11,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.scenario import SAFE_LATERAL, Scenario, load_scenario
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
@@ -439,3 +441,16 @@ def test_grip_in_the_name_is_that_of_all_surfaces() -> None:
 def test_settings_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         load_scenario(name)
+
+
+def test_a_dirty_lens_is_before_cameras_alone_and_adds_to_their_own_faults() -> None:
+    haze = load_scenario("race:blur=3,noise=12,hz=20").reaction.haze
+    numbers, own = ObservationSpec(), ObservationSpec(camera=CameraSpec(blur=2, noise=5.0))
+    assert haze.before(numbers) is numbers
+    seen = haze.before(own).camera
+    assert seen is not None
+    assert (seen.blur, seen.noise) == (4, 13.0)
+    assert load_scenario("race").reaction.haze.before(own) is own
+    assert load_scenario("race:hz=20").reaction.period.tolist() == [3] * load_scenario("race").cars
+    with pytest.raises(InputError, match="noise is '99', expected a deviation from 0 to 64"):
+        load_scenario("race:noise=99")

@@ -19,6 +19,9 @@ from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import load_track
 
+OURS = ("circuits", "cars", "compounds", "delays_s", "rates_hz", "blurs", "noises")
+"""Settings that other worlds do not have."""
+
 
 class CellPair(NamedTuple):
     """Who is looked at, and beside whom."""
@@ -30,7 +33,7 @@ class CellPair(NamedTuple):
 class CellSetting(NamedTuple):
     """What the cells of several starting places have in common.
 
-    A compound is empty where it is the scenario's own.
+    A compound is empty where it is the scenario's own, and so is 0 actions a second.
     """
 
     circuit: str
@@ -38,12 +41,16 @@ class CellSetting(NamedTuple):
     scenario: str
     compound: str
     delay_s: float
+    hz: float = 0.0
+    blur: int = 0
+    noise: float = 0.0
 
     @property
     def raced(self) -> str:
-        """The name of the scenario with its tyres and its delay."""
+        """The name of the scenario with its tyres, and with how its cars see."""
         changed = [f"compound={self.compound}"] if self.compound else []
-        changed += [f"delay={self.delay_s:g}"] if self.delay_s else []
+        seen = {"delay": self.delay_s, "hz": self.hz, "blur": self.blur, "noise": self.noise}
+        changed += [f"{name}={value:g}" for name, value in seen.items() if value]
         return self.scenario + (":" + ",".join(changed) if changed else "")
 
     @property
@@ -91,8 +98,8 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Matrix
     set_aside: list[str] = []
     pairs: dict[tuple[str, str], CellPair] = {}
     cells: list[Cell] = []
-    if not ours and {"circuits", "cars", "compounds", "delays_s"} & asked.model_fields_set:
-        set_aside.append(f"circuits, cars, compounds, delays: world {config.world!r} has none")
+    if not ours and set(OURS) & asked.model_fields_set:
+        set_aside.append(f"{', '.join(OURS)}: world {config.world!r} has none")
     for circuit, car in _places(config):
         world = load_world(config.world, circuit, car)
         if ours:
@@ -145,10 +152,11 @@ def _entered(
 
 
 def _settings(circuit: str, car: str, asked: MatrixSettings, ours: bool) -> Iterator[CellSetting]:
-    compounds = (asked.compounds or ("",)) if ours else ("",)
-    delays = asked.delays_s if ours else (0.0,)
-    for scenario, compound, delay in product(asked.scenarios, compounds, delays):
-        yield CellSetting(circuit, car, scenario, compound, delay)
+    if not ours:
+        asked = MatrixSettings(scenarios=asked.scenarios, delays_s=(0.0,))
+    seen = asked.delays_s, asked.rates_hz or (0.0,), asked.blurs, asked.noises
+    for levels in product(asked.scenarios, asked.compounds or ("",), *seen):
+        yield CellSetting(circuit, car, *levels)
 
 
 def _cells(world: World, setting: CellSetting, places: Sequence[int], set_aside: list[str]) -> list[Cell]:

@@ -37,7 +37,7 @@ from nathlon.selection.run import Run
 from nathlon.sim.errors import InputError
 from nathlon.tournament.completion import breaks_more
 
-DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
+DIMENSIONS = (*CellSetting._fields, "place")
 """Of a cell, in the order of `CellSetting` with the place after it."""
 COVERED = 1.96
 """Standard deviations on either side of an estimate: 95 %."""
@@ -126,7 +126,7 @@ def _columns(cells: list[Cell]) -> list[tuple[str | int | float, ...]]:
 
 
 def _levels(cells: list[Cell]) -> NDArray[np.int64]:
-    """(cells, 6) indices of circuit, car, scenario, compound, delay and place."""
+    """(cells, dimensions) indices of the levels."""
     indices = []
     for column in _columns(cells):
         numbers = {level: number for number, level in enumerate(dict.fromkeys(column))}
@@ -245,11 +245,7 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
         screening, fresh = matrix.driving.runs[cell]
         lost = matrix.driving.void[cell]
         yield CellReport(
-            circuit=cell.setting.circuit,
-            car=cell.setting.car,
-            scenario=cell.setting.scenario,
-            compound=cell.setting.compound,
-            delay_s=cell.setting.delay_s,
+            **cell.setting._asdict(),
             place=cell.place,
             runs=len(screening) + len(fresh),
             policy_void=lost.policy,

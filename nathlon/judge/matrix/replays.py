@@ -56,7 +56,7 @@ def _worst_run(report: MatrixReport, cell: CellReport, matrix: Matrix) -> Driven
     ]
     name = report.measures[int(np.argmax(margins))].name
     how = matrix.driving.measures[name]
-    setting = CellSetting(cell.circuit, cell.car, cell.scenario, cell.compound, cell.delay_s)
+    setting = CellSetting(**{field: getattr(cell, field) for field in CellSetting._fields})
     screening, fresh = matrix.driving.runs[Cell(setting, cell.place)]
     return max([*screening, *fresh], key=lambda one: np.nan_to_num(worse(how, one.marks[name]), nan=-np.inf))
 

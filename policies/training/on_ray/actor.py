@@ -15,7 +15,7 @@ from nathlon.sim.local_cache import keep_caches_here
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from nathlon.policies.qrsac.networks import Perceptron
+    from nathlon.policies.qrsac.recurrent import Network
     from nathlon.policies.training.config import TrainingConfig
     from nathlon.policies.training.on_ray.travel import Parcel
     from nathlon.policies.training.pairs import Pair
@@ -34,7 +34,7 @@ class Begin(NamedTuple):
     code: str
     config: TrainingConfig
     pairs: Sequence[Pair]
-    network: Perceptron
+    network: Network
     parcels: Sequence[Parcel]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from nathlon.policies.ray_actor import start_actor
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
 from nathlon.policies.training.on_ray.travel import needed, pack
-from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
+from nathlon.policies.training.worker import Gathered, News, WorkerSetup
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, Take
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -202,7 +202,10 @@ class RayWorkers:
 def _writable(gathered: Gathered) -> Gathered:
     """What Ray hands over cannot be written, which torch does not like."""
     copied = [
-        Experience(np.array(observation), step._replace(next_observation=np.array(step.next_observation)))
-        for observation, step in gathered.experience
+        one._replace(
+            observation=np.array(one.observation),
+            step=one.step._replace(next_observation=np.array(one.step.next_observation)),
+        )
+        for one in gathered.experience
     ]
     return gathered._replace(experience=copied)

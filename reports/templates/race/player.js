@@ -4,6 +4,7 @@ import { clock } from "../numbers.js";
 import { nearContact, SLOW } from "./battle.js";
 import { h } from "./element.js";
 import { ALARM, NEWS_S, QUIET, raceScene } from "./scene.js";
+import { sightOf } from "./sight.js";
 import { calm, spaceScene } from "./space.js";
 import { watching } from "./watching.js";
 
@@ -39,8 +40,13 @@ export function racePlayer(recording, { followed = -1, now = 0, scrolls = false,
     const own = i ? Object.create(state) : state;
     const map = raceScene(one, scene, own);
     const space = spaceScene(one, own, i ? "space-beside" : "space");
-    const draw = () => (state.space ? space.draw() : map());
-    return { scene, space, news, own, draw, recording: one, race: one.race, node: h("div", { class: "stage" }, scene, space.node, news) };
+    const sight = sightOf(one.race.sights, () => refresh());
+    const draw = () => {
+      if (state.space) space.draw();
+      else map();
+      sight.draw(state);
+    };
+    return { scene, space, news, own, draw, recording: one, race: one.race, node: h("div", { class: "stage" }, scene, space.node, news, sight.node) };
   });
   const { scene } = stages[0];
   const button = h("button", { id: "play", type: "button", "aria-pressed": "false", onclick: () => play(!state.playing) }, "Play");

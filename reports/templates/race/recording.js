@@ -49,6 +49,7 @@
  * @property {string} samples
  * @property {Incident[]} incidents
  * @property {{ time: number, car: number, passed: number, place: number, x: number, y: number, section: number }[]} passes `section` is -1 between two
+ * @property {import("./sight.js").SightData[]} sights
  */
 
 /** @typedef {Awaited<ReturnType<typeof openRecording>>} Recording */
