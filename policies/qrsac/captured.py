@@ -19,19 +19,19 @@ class Inputs(NamedTuple):
     """All that an update needs besides the state."""
 
     pace: Pace
-    batch: Batch
+    batch: Minibatch
     noise: Noise
 
     def tensors(self) -> list[Tensor]:
         """Those there are, in one order."""
-        return [tensor for part in self for tensor in part if tensor is not None]
+        return [tensor for part in self for tensor in part if isinstance(tensor, Tensor)]
 
     def clone(self) -> Inputs:
         """Copies in memory of their own."""
         seed = self.noise.seed
         return Inputs(
             Pace(*(tensor.clone() for tensor in self.pace)),
-            Batch(*(tensor.clone() for tensor in self.batch)),
+            Batch._make(tensor.clone() for tensor in self.batch if isinstance(tensor, Tensor)),
             Noise(
                 self.noise.action.clone(),
                 self.noise.next_action.clone(),

@@ -86,7 +86,7 @@ class FlatEnvironments:
             raise InputError(f"environment: metadata autoreset_mode: {error}") from None
         self._action_space = done
         self.count = environments.num_envs
-        self.observation_size, *critic = (int(np.prod(box.shape)) for box in boxes)
+        self.observation_size, *critic = (int(np.prod(box.shape)) for box in boxes if isinstance(box, Box))
         self.critic_size = critic[0] if critic else 0
         self.action_size = int(np.prod(done.shape))
         self.observation: Array

@@ -215,8 +215,8 @@ class QRSAC:
         `encoder.0.weight` and so on.
         """
         if self.recurrent is not None:
-            named = self.recurrent.tensors(self._state.average)
-            return {name: tensor.cpu().numpy().copy() for name, tensor in named.items()}
+            own = self.recurrent.tensors(self._state.average)
+            return {name: tensor.cpu().numpy().copy() for name, tensor in own.items()}
         tensors = self._update.policy.tensors(self._state.average)
         encoded = len(self.config.encoder)
         layers = [f"encoder.{i}" for i in range(encoded)] + [

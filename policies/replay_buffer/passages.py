@@ -51,21 +51,16 @@ class PassageBatch(NamedTuple):
     def to(self, device: torch.device) -> PassageBatch:
         """The same on a device."""
         *others, seen, memory = self
-        return PassageBatch(
-            *(tensor.to(device) for tensor in others),
-            tuple(part.to(device) for part in seen),
-            memory.to(device),
-        )
+        alike = (tensor.to(device) for tensor in others)
+        return PassageBatch._make((*alike, tuple(part.to(device) for part in seen), memory.to(device)))
 
     @classmethod
     def join(cls, batches: Sequence[PassageBatch]) -> PassageBatch:
         """Several as one."""
         *others, seen, memory = zip(*batches, strict=True)
-        return cls(
-            *(torch.cat(column) for column in others),
-            tuple(torch.cat(column) for column in zip(*seen, strict=True)),
-            torch.cat(memory),
-        )
+        alike = (torch.cat(column) for column in others)
+        parts_of_all = tuple(torch.cat(column) for column in zip(*seen, strict=True))
+        return cls._make((*alike, parts_of_all, torch.cat(memory)))
 
 
 class Windows(NamedTuple):

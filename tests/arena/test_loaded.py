@@ -146,7 +146,7 @@ def test_the_longest_ending_counts() -> None:
     assert loader_of(loaders, "run/other.pkl") is first
     assert loader_of(loaders, "run/other.zip") is None
     with pytest.raises(ValueError, match="expected an ending of files and a function"):
-        by_ending({".pt": "no function"})  # type: ignore[dict-item]
+        by_ending({".pt": "no function"})
 
 
 @pytest.mark.parametrize(

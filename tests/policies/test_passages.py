@@ -119,7 +119,7 @@ def filled(windows: Windows, steps: int, capacity: int) -> PassageReplay:
         now = np.array([[step], [1000 + step]], np.float32)
         seventh = step % 7 == 6
         table.add(
-            now, now / 1024, now, now, np.array([2.0**step % 97] * 2, np.float32),
+            now, now / np.float32(1024), now, now, np.array([2.0**step % 97] * 2, np.float32),
             np.array([seventh, False]), np.array([False, seventh]), np.array([True, True]),
         )  # fmt: skip
     return table

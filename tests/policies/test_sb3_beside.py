@@ -139,7 +139,7 @@ def test_statistics_are_applied_as_there(tmp_path: Path) -> None:
     agree(tmp_path / "rl_model_8_steps.zip", model, loaded, NUMBERS, 1000)
     rows = shown()  # type: ignore[no-untyped-call]
     folded = normalised_module()(torch.nn.Identity(), loaded)(torch.tensor(rows, dtype=torch.float32))
-    np.testing.assert_allclose(folded, loaded.normalize_obs(rows), atol=1e-5)
+    np.testing.assert_allclose(folded, np.asarray(loaded.normalize_obs(rows)), atol=1e-5)
 
     policy = load_general(str(tmp_path / "rl_model_8_steps.zip"), NUMBERS, Discrete(4))
     assert policy.id == plain

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,7 +118,11 @@ def test_the_example_covers_a_stop_of_who_is_close_behind(tmp_path: Path) -> Non
         'name = "own"\nstrategist = "mine.py:Cover"\n[[part]]\npolicy = "driver:pace=0.9"\n', "utf-8"
     )
     own = strategist(path)
-    near = {"gap_s": np.array([0.0, 30.0]), "stops": np.array([0, 1]), "wear": np.full(4, 0.4)}
+    near: dict[str, Any] = {
+        "gap_s": np.array([0.0, 30.0]),
+        "stops": np.array([0, 1]),
+        "wear": np.full(4, 0.4),
+    }
     assert own.decide(wall(4, **near)) == Service("racing-medium", 80.0)
     assert own.decide(wall(4, **near | {"stops": np.zeros(2, int)})) is None
     assert own.decide(wall(4, **near | {"gap_s": np.array([0.0, 90.0])})) is None

@@ -23,6 +23,8 @@ from nathlon.policies.incoming import Incoming
 from nathlon.policies.policy import StatelessPolicy
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.replay_buffer.passages import PassageBatch
+from nathlon.policies.replay_buffer.table import NStepReplay
+from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training import rewards, worker_pool
 from nathlon.policies.training import trainer as training
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
@@ -192,9 +194,13 @@ def test_a_kept_replay_is_there_after_a_stop(tmp_path: Path) -> None:
     trainer = Trainer.start(tmp_path, changed(keep_replay=True), seed=1)
     train(trainer)
     again = Trainer.resume(tmp_path)
+    assert isinstance(again.replay, ReplayTables)
+    assert isinstance(trainer.replay, ReplayTables)
     assert len(again.replay) == len(trainer.replay) > 0
     theirs, mine = (np.random.default_rng(5) for _ in range(2))
     for one, other in zip(trainer.replay.sample(theirs), again.replay.sample(mine), strict=True):
+        assert isinstance(one, torch.Tensor)
+        assert isinstance(other, torch.Tensor)
         assert one.equal(other)
 
 
@@ -261,6 +267,7 @@ def test_workers_gather_for_all_tables_and_episodes_of_a_lost_one_do_not_go_on(t
     trainer = Trainer.start(tmp_path, changed(workers=2, refresh_every=2), seed=1)
     dropped: list[tuple[int, bool]] = []
     for index, table in enumerate(trainer.replay.tables):
+        assert isinstance(table, NStepReplay)
         drop = table.drop_open
 
         def noted(index: int = index, drop: Callable[[], None] = drop) -> None:
@@ -462,7 +469,10 @@ def test_critics_of_a_policy_that_sees_are_told_numbers_and_it_goes_on_from_what
     make_run_folder(tmp_path / "taught", lessons, 1)
     own = Trainer(tmp_path, seeing(), 1)._card()
     rng = np.random.default_rng(1)
-    tensors = {name: rng.normal(0.0, 0.1, shape).astype(np.float16) for name, shape in own.shapes.items()}
+    tensors = {
+        name: rng.normal(0.0, 0.1, shape).astype(np.float16).astype(np.float32)
+        for name, shape in own.shapes.items()
+    }
     save_checkpoint(tmp_path / "taught" / "checkpoints" / "step-0000001.safetensors", tensors, own)
 
     trainer = Trainer.start(tmp_path / "run", seeing(), 1, origin=tmp_path / "taught")

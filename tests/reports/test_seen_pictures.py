@@ -44,7 +44,7 @@ def raced(tmp_path_factory: pytest.TempPathFactory) -> Raced:
 
     entrants = [enter(source, "lindenring", "gt3") for source in (str(path), "driver")]
     match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
-    policies = [Watched(card(), "eye", tensors(card())), Driver("lindenring", "gt3")]
+    policies: list[Any] = [Watched(card(), "eye", tensors(card())), Driver("lindenring", "gt3")]
     log = record_races(match, policies, [0], ["eye", "driver"]).logs[0]
     return Raced(log, log.names.index("eye"), np.stack(shown))
 

@@ -133,7 +133,7 @@ def _matches(store: Store, run: str) -> list[dict[str, object]]:
     ]
 
 
-def _entrants(store: Store, run: str, here: Path, gone: Container[str]) -> list[dict[str, object]]:
+def _entrants(store: Store, run: str, here: Path, gone: Container[str | None]) -> list[dict[str, object]]:
     """Rows of ENTRANTS of all that raced in the tournament, with copies of their files.
 
     Who was gone when the run was decided has no source.

@@ -103,7 +103,7 @@ def verify_pack(
         elif allowed is not None:
             raise InputError(f"{path}: is not signed, expected a signature of somebody in {allowed}")
         summary = read_summary(here / SUMMARY)
-        matches, entrants = _read(path, files, here, {one.digest for one in summary.gone})
+        matches, entrants = _read(path, files, here, {one.digest for one in summary.gone if one.digest})
         _check_worlds(path, matches, worlds)
         results = pl.concat([match.results for match in matches])
         faults = _claims(summary, results, entrants)
@@ -160,7 +160,7 @@ def _read(
     # The store would keep one of them, while the points would be those of all.
     if len({one.key for one in matches}) < len(matches):
         raise InputError(f"{path}: holds a match twice, expected each once")
-    places = []
+    places: list[str | None] = []
     for identity, source in entrants.select("entrant", "source").iter_rows():
         if source is None and identity in gone:
             places.append(None)
@@ -168,8 +168,9 @@ def _read(
         kind = str(source).partition(":")[0]
         if source not in files if is_path(str(source)) else kind not in NO_FILES:
             raise InputError(f"{path}: {source!a} is not in it, expected the checkpoint of an entrant")
-        places.append(str(here / source) if is_path(source) else source)
-        check_no_code(places[-1])
+        place = str(here / source) if is_path(source) else source
+        check_no_code(place)
+        places.append(place)
     return matches, entrants.with_columns(source=pl.Series(places, dtype=pl.String))
 
 

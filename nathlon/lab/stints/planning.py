@@ -96,7 +96,7 @@ def _plan(model: LapModel, stints: Sequence[NextStint], pit: PitParameters) -> S
         compound = model.compounds.index(stint.compound)
         fuel_kg = max(stint.fuel_kg, left_kg) if number else stint.fuel_kg
         if number:
-            stood_s += float(service_s(pit, True, np.float64(fuel_kg - left_kg)))
+            stood_s += float(service_s(pit, True, np.array(fuel_kg - left_kg)))
         used = model.used_kg[compound, : stint.laps]
         counts += model.tyres(compound, stint.laps)
         counts[FUEL] += stint.laps * fuel_kg - float((np.cumsum(used) - used).sum())
