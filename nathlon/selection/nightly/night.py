@@ -204,7 +204,10 @@ def _quiet(store: Store, field: EntryList) -> Night:
     """A night on which there is nobody new; what was set aside is for one process to tell."""
     if field.excluded:
         reason = f"All that is new was set aside: {field.excluded[0].reason}."
-        tells = claim(store, None) and not {item.key for item in field.excluded} <= _refused(store, ())
+        tells = claim(store, None)
+        if tells and {item.key for item in field.excluded} <= _refused(store, ()):  # told since it was looked
+            drop(store, None)
+            tells = False
         return Night(None, DONE, HEALTH, reason, None, field.excluded if tells else ())
     reason = " ".join(["Nothing is new:", *field.notes]) if field.notes else "Nothing is new."
     return Night(None, DONE, OK, reason, None)
