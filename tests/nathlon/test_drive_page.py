@@ -108,6 +108,7 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.until("document.getElementById('result').open")
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
+    assert drive.page.locator("#result .again canvas").is_visible(), "the race just driven is played"
     places = drive.page.evaluate(f"[1, 2, 3, 11].map({module('drive/words.js')}.ordinal)")
     assert places == ["1st", "2nd", "3rd", "11th"]
     assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "Ada"

@@ -198,7 +198,9 @@ function sideBySide({ label, title, two: [a, b], goal, apart = false, sure }, na
   const [least, most] = sure ?? [low, high];
   const overlap = least === null && a.low !== null && b.low !== null && a.low <= (b.high ?? b.low) && b.low <= (a.high ?? a.low);
   const first = difference !== null && (goal === "min" ? difference < 0 : difference > 0);
-  const told = !goal || difference === null ? "" : difference === 0 ? "alike" : overlap || (least !== null && most !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
+  const alone = least === null && a.low === null && b.low === null ? ", as measured" : "";
+  const told = !goal || difference === null ? "" : !/[1-9]/.test(number(difference, a.digits)) ? "alike"
+    : overlap || (least !== null && most !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1] + alone;
   return h("tr", {}, h("th", { scope: "row", class: "name", title }, label),
     [a, b].map(({ value, low: least, high: most, digits, text }) => h("td", { class: "number" }, h("strong", {}, text ?? number(value, digits)), " ", interval(least, most, digits))),
     h("td", { class: "number" }, a.text || difference === null ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),

@@ -32,7 +32,7 @@ function stretch(names, [begin, end]) {
   const margin = 0.05 * Math.max(right - left, bottom - top);
   const where = `from ${number(begin)} m to ${number(end)} m`;
   return h("figure", {},
-    h("figcaption", {}, names.join(", "), " ", h("small", {}, where)),
+    h("figcaption", {}, names.join(", "), h("small", {}, where)),
     h("svg:svg", { class: "map", viewBox: [left - margin, top - margin, right - left + 2 * margin, bottom - top + 2 * margin].join(" "), role: "img", "aria-label": `${names.join(", ")}: ${where}` },
       h("svg:path", { class: "lap", d: `${line(0, lap)}Z` }), h("svg:path", { class: "held", d: line(begin, end) }),
       h("svg:path", { class: "ends", d: `M${at(end).x.toFixed(0)} ${at(end).y.toFixed(0)}h0` })));

@@ -2,7 +2,7 @@
 
 const SLOW_MS = 45; // between two pictures, with some room
 const FAST_MS = 24;
-const COUNTED = 9; // pictures, of whose times the middle one counts
+const COUNTED = 5; // pictures, of whose times the middle one counts
 const BACK_MS = 20_000; // for so long it stays as coarse as it has become
 
 // Parts of the canvas's width and height, and how far away trees and stands are seen, m.
@@ -28,7 +28,7 @@ export function newPace() {
     if (times.length < COUNTED) return LEVELS[level];
     const middle = times.sort((a, b) => a - b)[COUNTED >> 1];
     times = [];
-    if (middle > SLOW_MS && level + 1 < LEVELS.length) [level, barred] = [level + 1, now + BACK_MS];
+    if (middle > SLOW_MS) [level, barred] = [Math.min(level + (middle > 2 * SLOW_MS ? 2 : 1), LEVELS.length - 1), now + BACK_MS];
     else if (middle < FAST_MS && now > barred) level = Math.max(level - 1, 0);
     return LEVELS[level];
   };
