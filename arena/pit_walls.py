@@ -14,9 +14,10 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.sources.strategist import StrategistError
 from nathlon.policies.strategy import PitWall, Strategist
 from nathlon.sim.physics.pit_lane import ENTERING, ON_ROAD, REJOINING
+from nathlon.sim.service import Service
 from nathlon.sim.timing import gaps
 from nathlon.sim.weather import Weather
-from nathlon.sim.world import Service, World
+from nathlon.sim.world import World
 
 log = logging.getLogger(__name__)
 

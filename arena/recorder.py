@@ -29,6 +29,7 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Policy
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CAR_STATE
@@ -45,7 +46,7 @@ from nathlon.sim.track import (
     Track,
     load_track,
 )
-from nathlon.sim.world import SUBSTEPS, World
+from nathlon.sim.world import World
 
 COPIED = {
     "x_m": "x",

@@ -30,16 +30,17 @@ from rich.table import Table
 
 from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from nathlon.sim import observation_kernel, world
+from nathlon.sim import observation_kernel, race_step
 from nathlon.sim import simd as lanes
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.simd import LANES
 from nathlon.sim.state import RaceRows
 from nathlon.sim.track import load_track
-from nathlon.sim.world import SUBSTEPS, World
+from nathlon.sim.world import World
 
 CARS = 8
 WARM_UP = 20
@@ -169,7 +170,7 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
     for _ in range(STEPS):
         actions, ground = number(drive(races)[0]), Ground(*number(np.empty((3, 4))))
         done.clear()
-        world.step_race(race, actions, SUBSTEPS, ground, p)
+        race_step.step_race(race, actions, SUBSTEPS, ground, p)
         stepping.update(done)
         for car in range(CARS):
             values = number(np.empty(SPEC.size))

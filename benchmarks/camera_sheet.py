@@ -16,10 +16,11 @@ from PIL import Image, ImageDraw
 
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Start
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import BANK, CREST, CircuitFile, Grid, Track, X, Y, Z, build_track, load_track
 from nathlon.sim.track.crossing import bridge_heights, find_crossings
-from nathlon.sim.world import Start, World
+from nathlon.sim.world import World
 
 OUT = Path(__file__).parent.parent / "docs" / "images" / "camera.png"
 COLUMNS, GAP, CAPTION = 5, 6, 16

@@ -32,10 +32,11 @@ from nathlon.policies.mlp import EncodedMlp
 from nathlon.sim.car import load_car
 from nathlon.sim.car_facts import FACTS
 from nathlon.sim.car_family import generate_car, write_car
+from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from nathlon.sim.world import AGENT_DT, World
+from nathlon.sim.world import World
 
 FIGURE = Path(__file__).parent.parent / "docs" / "images" / "car-facts.png"
 MOMENTS, OTHERS, SHOWN = 120, 24, 16

@@ -22,8 +22,9 @@ from nathlon.policies.driver.knowledge import along, clip
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources.human import Person
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_DT, DYNAMICS_HZ
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_DT, DYNAMICS_HZ, World
+from nathlon.sim.world import World
 
 KEY_PRESS = 5
 """Dynamics steps between two decisions on keys: nobody taps faster than some ten times a second."""

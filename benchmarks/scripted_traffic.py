@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from nathlon.policies.driver.knowledge import along, clip
 from nathlon.policies.driver.margins import room_aside
+from nathlon.sim.clock import DYNAMICS_DT, DYNAMICS_HZ
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_DT, DYNAMICS_HZ
 
 APART_M = 2.9
 """Between the middles of two cars that are beside each other."""

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from benchmarks.result import write_result
 from nathlon.policies.driver import Driver
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Start
 from nathlon.sim.track import load_track
-from nathlon.sim.world import Start, World
+from nathlon.sim.world import World
 
 PAIRS = {"porto-sereno": "coupe", "lindenring": "gt3", "grandes-landes": "prototype"}
 GAP_M = 15.0

@@ -43,10 +43,11 @@ from benchmarks.result import write_result
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from nathlon.sim.world import AGENT_DT, World
+from nathlon.sim.world import World
 
 CIRCUIT = "lindenring"
 CAR = "gt3"

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from nathlon.policies.strategy import PitWall
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 WORN = 0.8
 """It stops at this wear in any case; 1 is worn out."""

@@ -15,9 +15,10 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.mlp import FEW, Mlp
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Start
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import load_track
-from nathlon.sim.world import Start, World
+from nathlon.sim.world import World
 
 
 def _step(circuit: str, car: str) -> None:

@@ -10,7 +10,7 @@ from nathlon.policies.stint_model import StintModel
 from nathlon.policies.stint_search import Rest, StintSearch
 from nathlon.policies.strategy import PitWall
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 LEAST_SPARE_KG = 0.5
 """With less than this at the end of a stint a car is taken not to reach it."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.stint_model import CompoundLaps, StintModel, service_s
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 SPARE_KG = 2.0
 """More fuel in a stint than its laps took in practice."""

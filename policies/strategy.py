@@ -14,8 +14,8 @@ from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import Section
 from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import MOST_LAPS, Scenario
+from nathlon.sim.service import Service
 from nathlon.sim.weather import Weather, wet_share
-from nathlon.sim.world import Service
 
 
 class PitWall(NamedTuple):

@@ -15,12 +15,12 @@ from nathlon.reports._motion import POSE, poses
 from nathlon.sim.camera.picture import Photographer
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import PICTURE, ObservationSpec
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import X, Y, Z, load_track
 from nathlon.sim.work_stealing import ThreadPool
-from nathlon.sim.world import DYNAMICS_HZ
 
 
 def camera_of(log: RaceLog, car: int) -> CameraSpec | None:

@@ -15,11 +15,13 @@ import numpy as np
 from numba import cuda, float64, int64
 from numpy.typing import NDArray
 
+from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car, view_parameters
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import UNPLANNED
-from nathlon.sim.world import SUBSTEPS, World, race_of, step_race
+from nathlon.sim.race_step import race_of, step_race
+from nathlon.sim.world import World
 
 THREADS = 64
 """Threads of a block."""
@@ -29,7 +31,7 @@ MOST_SEEN = 19
 
 @cuda.jit
 def step_races(races, actions, substeps, p):  # type: ignore[no-untyped-def]
-    """Advance every race by some dynamics steps; see `nathlon.sim.world.step_races`."""
+    """Advance every race by some dynamics steps; see `nathlon.sim.race_step.step_races`."""
     index = cuda.grid(1)
     if index < len(races.cars):
         tyres = cuda.local.array((3, 4), float64)

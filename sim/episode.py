@@ -10,6 +10,7 @@ from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import NUMBERS, PICTURE, ObservationSpec
 from nathlon.sim.reaction import Perception
@@ -17,7 +18,7 @@ from nathlon.sim.scenario import Scenario, load_scenario
 from nathlon.sim.state import CONTACT, Races
 from nathlon.sim.timing import gaps
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_HZ, World
+from nathlon.sim.world import World
 
 FLAGS = ("off_course", "wall_contact", "car_contact")
 

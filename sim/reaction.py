@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.camera_spec import MOST_BLUR, MOST_NOISE
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.world import DYNAMICS_HZ, World
+from nathlon.sim.world import World
 
 
 class Haze(NamedTuple):

@@ -11,6 +11,8 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_
 
 from nathlon.sim.camera_spec import MOST_BLUR, MOST_NOISE
 from nathlon.sim.car import Car, load_compounds
+from nathlon.sim.clock import AGENT_HZ, DYNAMICS_HZ
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import settings_of
@@ -28,7 +30,7 @@ from nathlon.sim.scenario_start import (
 )
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
 from nathlon.sim.weather import Film, Weather, draw
-from nathlon.sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
+from nathlon.sim.world import World
 
 SAFE_LATERAL = 8.0
 """m/s^2 of cornering that every car can hold: random starts are no faster than it allows."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,265 +9,33 @@ from numpy.typing import NDArray
 
 from nathlon.sim.camera.picture import Photographer
 from nathlon.sim.car import Car, compound_ratio, load_compounds, parameters, with_grip
+from nathlon.sim.clock import DYNAMICS_DT, DYNAMICS_HZ, SUBSTEPS
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.errors import InputError
-from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
 from nathlon.sim.parameters import WorldParameters
-from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squared
-from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
-from nathlon.sim.physics.contact import collide
+from nathlon.sim.physics.chassis import GRAVITY, Rates
 from nathlon.sim.physics.course import (
-    DRY,
-    CourseParameters,
-    SurfaceGrip,
     course_parameters,
-    facing,
-    feel_road,
-    locate,
-    meet_walls,
-    on_other_level,
-    set_heading_error,
-    stand_on,
 )
-from nathlon.sim.physics.draught import set_draught
 from nathlon.sim.physics.pit_lane import (
-    approach,
-    clear_road,
-    drive_lane,
-    enter,
-    in_lane,
     lane_parameters,
-    on_road,
 )
-from nathlon.sim.physics.powertrain import REVERSE, choose_direction
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import Plan
+from nathlon.sim.race_step import CONTACT_GAP_S, locate_all, step_races
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
-from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, RaceRows, Races
-from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
-from nathlon.sim.timing import first_line, time_lines
+from nathlon.sim.service import Service
+from nathlon.sim.state import CAR_STATE, CONTACT, Races
+from nathlon.sim.timing import first_line
 from nathlon.sim.track import Track
-from nathlon.sim.weather import Weather, film_after, wet_share
-from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
+from nathlon.sim.weather import film_after, wet_share
+from nathlon.sim.work_stealing import Tally, ThreadPool
 
-DYNAMICS_HZ = 60
-DYNAMICS_DT = 1.0 / DYNAMICS_HZ
-AGENT_HZ = 10
-SUBSTEPS = DYNAMICS_HZ // AGENT_HZ
-AGENT_DT = 1.0 / AGENT_HZ
-RENEWAL_SUBSTEPS = 6
-"""Slipstreams change slowly, and so do the rounding errors of directions: they are renewed so often."""
-CONTACT_GAP_S = 1.0
-"""Touches of the same two cars closer together than this are one contact."""
-MOVING_M_S = 2.0
 TYRE = "tyre_grip", "tyre_wear", "tyre_film", "tyre_peak"
 ASKED = "asked_grip", "asked_wear", "asked_film", "asked_peak"
 """What is kept of the compound on a car, and of the one that is asked for."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where the cars of one race begin; every array is (cars,) float64, a number is that of all of them.
-
-    Attributes:
-        distance: along the centre line, m; negative is before the line.
-        lateral: left of the centre line, m.
-        heading: relative to the centre line, rad.
-        speed: along the heading, m/s.
-        finish: progress at which the run is over, m; inf for none.
-        sky: which of the weathers that may come does.
-        side_speed: to the left of the heading, m/s.
-        yaw_rate: rad/s.
-    """
-
-    distance: NDArray[np.float64]
-    lateral: NDArray[np.float64]
-    heading: NDArray[np.float64]
-    speed: NDArray[np.float64]
-    finish: NDArray[np.float64]
-    side_speed: NDArray[np.float64] | float = 0.0
-    yaw_rate: NDArray[np.float64] | float = 0.0
-    sky: int = field(default=0, kw_only=True)
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What one race may have different from another with the same car.
-
-    Attributes:
-        compound: of the tyres; None is the car's own.
-        wear_rate, fuel_rate: multiples of the car's figures; 0 leaves tyres new and the tank full.
-        grip: of the surfaces.
-        weather: what may come; none is a road as it is.
-        film_mm: water on the road at the start, where there is weather.
-    """
-
-    compound: str | None = None
-    wear_rate: float = 0.0
-    fuel_rate: float = 0.0
-    grip: SurfaceGrip = DRY
-    weather: tuple[Weather, ...] = ()
-    film_mm: float = 0.0
-
-
-@dataclass(frozen=True)
-class Service:
-    """What is done to a car when it stops.
-
-    Attributes:
-        compound: of the tyres that are fitted, new; None to keep those on the car.
-        fuel_kg: in the tank afterwards; None to add none.
-    """
-
-    compound: str | None = None
-    fuel_kg: float | None = None
-
-
-@lean_kernel
-def step_races(
-    races: Races,
-    actions: np.ndarray,
-    substeps: int,
-    ground: Ground,
-    p: WorldParameters,
-    tally: Tally,
-    thread: int,
-) -> None:
-    """Advance the races that a thread takes by some dynamics steps; see `step_race` and
-    `nathlon.sim.work_stealing`.
-    """
-    while True:
-        index = take(tally, thread, len(races.cars))
-        if index < 0:
-            return
-        step_race(race_of(races, index), actions[index], substeps, ground, p)
-        finish(tally, thread)
-
-
-@lean_inlined
-def race_of(races: Races, index: int) -> RaceRows:
-    """One of the races, without copying."""
-    return RaceRows(
-        races.cars[index],
-        races.ticks[index:],
-        races.touched[index],
-        races.contacts[index],
-        races.contact_count[index:],
-    )
-
-
-@lean_inlined
-def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground, p: WorldParameters) -> None:
-    """Advance one race by some dynamics steps.
-
-    Args:
-        race: changed in place.
-        actions: (cars, 2), see `World.step`.
-        substeps: how many steps.
-        ground: scratch.
-        p: of the world.
-    """
-    cars, ticks, course = race.cars, race.ticks, p.course
-    worn = p.rates.wear > 0.0 or p.rates.weather
-    reach_squared = 4.0 * (p.car.half_length * p.car.half_length + p.car.half_width * p.car.half_width)
-    count = len(cars)
-    for i in range(count):
-        car = cars[i]
-        car.off_course = car.wall_contact = car.car_contact = False
-    race.contact_count[0] = 0
-    for _ in range(substeps):
-        now = ticks[0] * DYNAMICS_DT
-        if ticks[0] % RENEWAL_SUBSTEPS == 0:
-            for i in range(count):
-                set_direction(cars[i])
-            set_draught(cars, 2.0 * p.car.half_length, course)
-        for i in range(count):
-            car = cars[i]
-            if not car.driving:
-                continue
-            if in_lane(car):
-                before = car.progress
-                drive_lane(car, i, DYNAMICS_DT, p.car, p.lane, p.rules.pit, course)
-                time_lines(car, before, now, DYNAMICS_DT, course)
-                continue
-            before = car.progress
-            # Anew each step, since a penalty that is served overrides them.
-            car.asked_pedal, car.asked_steering = actions[i, 0], actions[i, 1]
-            car.throttle = max(actions[i, 0], 0.0)
-            car.brake = max(-actions[i, 0], 0.0)
-            sine, cosine = facing(car, course)
-            off = stand_on(car, sine, cosine, worn, ground, p.car, course) >= 3
-            if off:
-                car.off_course = True
-                car.off_course_s += DYNAMICS_DT
-            watch_limits(car, off, now, DYNAMICS_DT, p.rules)
-            serve_penalty(car, DYNAMICS_DT, course, p.rules)
-            if car.has_reverse:
-                choose_direction(car, DYNAMICS_DT)
-            if car.asked:
-                approach(car, p.lane, course.length)
-            feel_road(car, sine, cosine, course)
-            advance(car, actions[i, 1] * p.car.full_lock, ground, DYNAMICS_DT, p.car, p.rates)
-            locate(car, course)
-            sine, cosine = facing(car, course)
-            if meet_walls(car, sine, cosine, p.car, course):
-                car.wall_contact = True
-                car.wall_s += DYNAMICS_DT
-                locate(car, course)
-            time_lines(car, before, now, DYNAMICS_DT, course)
-            moving = car.velocity_x > MOVING_M_S or (car.gear == REVERSE and car.velocity_x < -MOVING_M_S)
-            car.stationary_s = 0.0 if moving else car.stationary_s + DYNAMICS_DT
-            if car.asked:
-                enter(car, before, p.lane, course.length)
-        for i in range(count):
-            for j in range(i + 1, count):
-                if near(cars[i], cars[j], reach_squared) and not on_other_level(cars[i], cars[j], course):
-                    meet(race, i, j, now, p)
-        clear_road(cars, DYNAMICS_DT)
-        ticks[0] += 1
-    for i in range(count):
-        set_heading_error(cars[i], course)
-
-
-@lean_inlined
-def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
-    """Whether two cars on the road are near enough to touch."""
-    dx, dy = b.x - a.x, b.y - a.y
-    return dx * dx + dy * dy < reach_squared and on_road(a) and on_road(b)
-
-
-@lean_kernel
-def meet(race: RaceRows, i: int, j: int, now: float, p: WorldParameters) -> None:
-    """Resolve the contact of two cars of a race, if they touch, and note it if it is a new one."""
-    a, b = race.cars[i], race.cars[j]
-    relative_x = b.world_velocity_x - a.world_velocity_x
-    relative_y = b.world_velocity_y - a.world_velocity_y
-    faster = i if speed_squared(a) > speed_squared(b) else j
-    touch = collide(a, b, DYNAMICS_DT, p.car)
-    if touch.closing < 0.0:
-        return
-    a.car_contact = b.car_contact = True
-    if now - race.touched[i, j] > CONTACT_GAP_S:
-        note = race.contacts[race.contact_count[0]]
-        approach = Approach(relative_x, relative_y, faster)
-        note_contact(race.cars, i, j, touch, approach, now, note, p.course, p.rules)
-        race.contact_count[0] += 1
-    race.touched[i, j] = now
-    a.contact_s = b.contact_s = now
-
-
-@lean_kernel
-def locate_all(cars: Cars, course: CourseParameters) -> None:
-    """Locate every car of one race, their rows being near the truth."""
-    for i in range(len(cars)):
-        car = cars[i]
-        set_direction(car)
-        set_body_velocity(car)
-        locate(car, course)
-        set_heading_error(car, course)
-        sine, cosine = facing(car, course)
-        feel_road(car, sine, cosine, course)
 
 
 class World:
@@ -290,7 +57,7 @@ class World:
         car: Car,
         races: int,
         cars: int,
-        conditions: Conditions = Conditions(),  # it cannot change
+        conditions: Conditions = Conditions(),
         rules: Rules | None = None,
         threads: int = 1,
     ) -> None:

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from nathlon.policies.driver import Driver
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import AGENT_DT
+from nathlon.sim.conditions import Start
 from nathlon.sim.track import load_track
-from nathlon.sim.world import AGENT_DT, Start, World
+from nathlon.sim.world import World
 
 LAPS = 3
 """The first from a rolling start, the others flying."""

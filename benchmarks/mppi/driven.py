@@ -14,13 +14,15 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import Car, load_car
+from nathlon.sim.clock import AGENT_DT
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.instruments import Instruments, Transition
 from nathlon.sim.physics.course import DRY, SurfaceGrip
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CONTACT
 from nathlon.sim.track import load_track
 from nathlon.sim.tuning import Tuning, tune
-from nathlon.sim.world import AGENT_DT, Conditions, World
+from nathlon.sim.world import World
 
 CIRCUIT, CAR = "lindenring", "gt3"
 CHECKPOINT = BUNDLED / CIRCUIT / "lindenring-mend-059k.safetensors"

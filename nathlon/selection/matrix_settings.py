@@ -8,10 +8,10 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from nathlon.selection.battery.measures import MEASURES, OWN
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.data_file import Named, Section
 from nathlon.sim.scenario import Blur, Delay, Hertz, Noise
 from nathlon.sim.validation import check_distinct
-from nathlon.sim.world import DYNAMICS_HZ
 
 Margin = Annotated[float, Field(ge=0, le=1e6)]
 Levels = Annotated[tuple[Named, ...], Field(max_length=200)]

@@ -10,11 +10,11 @@ from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.policies.driver.speed_profile import at_speed, corner_limit, demand, look_up
 from nathlon.policies.driver.traffic import mind_others
 from nathlon.policies.driver.turning import OVERHANG_M, backs_out, turn_round
+from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.kernel import inlined, kernel
 from nathlon.sim.observation import CENTRE, LINES
 from nathlon.sim.physics.chassis import GRAVITY
 from nathlon.sim.physics.tyre import worn_grip
-from nathlon.sim.world import AGENT_DT
 
 ACTUATION_S = 0.06
 """From the observation to the middle of the time in which its action works."""

@@ -15,8 +15,10 @@ from nathlon.policies.driver.envelope import Envelope
 from nathlon.policies.driver.speed_profile import Line, Profile, profile
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import Car
+from nathlon.sim.clock import AGENT_DT
+from nathlon.sim.conditions import Start
 from nathlon.sim.track import Track
-from nathlon.sim.world import AGENT_DT, Start, World
+from nathlon.sim.world import World
 
 CARS = 26
 """Two of them begin on the grid, the others spread over the lap."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from nathlon.policies.driver.envelope import SPEEDS, Axle, Envelope, Limits
 from nathlon.policies.driver.speed_profile import Line, Profile
 from nathlon.sim.car import Car
+from nathlon.sim.clock import AGENT_DT, SUBSTEPS
 from nathlon.sim.physics.chassis import GRAVITY
-from nathlon.sim.world import AGENT_DT, SUBSTEPS
 
 LATERAL_M = 0.15
 STEERING_RAD = 0.03

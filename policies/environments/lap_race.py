@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nathlon.policies.stint_model import CompoundLaps, StintModel, service_s
 from nathlon.policies.strategy import PitWall
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 NOISE_S = 0.3
 """Standard deviation of a lap."""

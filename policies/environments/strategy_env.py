@@ -19,7 +19,7 @@ from nathlon.sim.car import load_car
 from nathlon.sim.data_file import read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules, rule_parameters
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 Observation = NDArray[np.float32]
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch
+from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.expressions import Readings
 from nathlon.sim.instruments import AMONG_CARS, Instruments, Transition
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.state import CONTACT
-from nathlon.sim.world import AGENT_DT, World
+from nathlon.sim.world import World
 
 RIVALS = 4
 """Cars near the planned one that are foreseen with it."""

@@ -16,9 +16,10 @@ from nathlon.policies.planning.foresight import Foresight
 from nathlon.policies.planning.prior import Actions, Prior
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch
+from nathlon.sim.clock import AGENT_DT, DYNAMICS_HZ
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions import Expression
-from nathlon.sim.world import AGENT_DT, DYNAMICS_HZ, World
+from nathlon.sim.world import World
 
 SAMPLES, STEPS = 100, 15
 """Sequences that are drawn, and how many steps of 0.1 s they last."""

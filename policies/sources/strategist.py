@@ -16,7 +16,7 @@ import numpy as np
 from nathlon.policies.strategy import PitWall, Strategist
 from nathlon.sim.car import load_compounds
 from nathlon.sim.errors import InputError
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 
 
 class StrategistError(Exception):

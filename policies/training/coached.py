@@ -9,13 +9,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from nathlon.sim.conditions import Start
 from nathlon.sim.data_file import Section
 from nathlon.sim.episode import Episodes, Moment
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario_start import Angle, Metres, Speed
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import read_json
-from nathlon.sim.world import Start
 
 SHARE = 0.2
 """Of the starts of races of one car that are a coach's."""

@@ -11,9 +11,9 @@ from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_HZ
 
 SCENARIO = "time_trial"
 RUNS = 4

@@ -18,11 +18,13 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.sources.strategist import OwnStrategist
 from nathlon.policies.strategy import PitWall, Stint, StintPlan
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.service import Service
 from nathlon.sim.track import load_track
 from nathlon.sim.weather import Shower, Weather
-from nathlon.sim.world import Conditions, Service, World
+from nathlon.sim.world import World
 from tests.support.refusals import refusal
 
 PART = '[[part]]\npolicy = "driver:pace=0.9"\n'

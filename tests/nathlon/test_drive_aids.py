@@ -10,7 +10,7 @@ import pytest
 from benchmarks.scripted_drivers import KEYS, UNAIDED, WHEEL, Style, built_in_driver_alone, drive_alone
 from nathlon.lab.drive.aids import BRAKE_S, STEER_S, THROTTLE_S, AidedCar, Aids, Controls
 from nathlon.sim.car import load_car
-from nathlon.sim.world import DYNAMICS_HZ
+from nathlon.sim.clock import DYNAMICS_HZ
 from tests.support.drives import CIRCUITS
 from tests.support.driving import GT3, circle, world_with
 

@@ -17,9 +17,9 @@ from nathlon.policies.driver import Driver
 from nathlon.policies.sources.human import write_inputs
 from nathlon.results.coach import CoachFacts
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from nathlon.sim.world import SUBSTEPS
 
 PLACE = "lindenring", "gt3"
 ALONE = "drive:laps=1,cars=1,person=1"

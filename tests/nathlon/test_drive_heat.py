@@ -24,10 +24,10 @@ from nathlon.lab.drive.keeping import Kept, keep
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.publish.recordings import stored_match
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_DT
 from tests.support.drives import MARKED, STOP, Hurry, choice, drive, inputs, offer, planned
 
 

@@ -13,8 +13,8 @@ from playwright.sync_api import Browser
 from benchmarks.steered_page import LedClock
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.data_file import DATA
-from nathlon.sim.world import DYNAMICS_DT
 from tests.support.driven_page import MAP, Drive, serious
 from tests.support.drives import served
 from tests.support.page_modules import module

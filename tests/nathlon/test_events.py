@@ -24,8 +24,8 @@ from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.rules import load_rules, rule_parameters
+from nathlon.sim.service import Service
 from nathlon.sim.weather import Weather
-from nathlon.sim.world import Service
 from tests.support.refusals import refusal
 
 

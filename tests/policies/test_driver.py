@@ -20,13 +20,15 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.chassis import GRAVITY
 from nathlon.sim.physics.course import SurfaceGrip
+from nathlon.sim.service import Service
 from nathlon.sim.track import WALL_LEFT, Track, load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.weather import Shower, Weather
-from nathlon.sim.world import Conditions, Service, Start, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, road, start_at
 
 TRACK = load_track("lindenring")

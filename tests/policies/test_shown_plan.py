@@ -8,11 +8,12 @@ import pytest
 from nathlon.policies.driver import practised, shown_plan
 from nathlon.policies.driver.shown_plan import plan_of, show_plan
 from nathlon.sim.car import Car, compound_ratio, load_car
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.observation import ANY_CAR, PLANNED, ObservationSpec
 from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.plan import CURVATURE, DIRECTION, OFFSET, SPEED, Plan, X, Y
 from nathlon.sim.track import Track, load_track
-from nathlon.sim.world import Conditions, World
+from nathlon.sim.world import World
 
 TRACK, CAR = load_track("lindenring"), load_car("gt3")
 

@@ -15,12 +15,12 @@ from nathlon.policies.sources.composite import Composite, CompositeSource
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.sources.strategist import StrategistError
 from nathlon.policies.strategy import Strategist
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 from tests.policies.test_stint_planner import wall
 from tests.support.refusals import refusal
 
 MINE = """
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 class Mine:
     def __init__(self, circuit, car):
         self.where = circuit, car

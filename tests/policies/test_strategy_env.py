@@ -17,7 +17,7 @@ from nathlon.policies.environments.lap_race import FOLLOWS_S, GRID_S, OUT_S, Lap
 from nathlon.policies.environments.strategy_env import StrategyEnv
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.world import Service
+from nathlon.sim.service import Service
 from tests.policies.test_stint_planner import MODEL, SLOWER_S, USED_KG
 
 PIT = PitParameters(8.0, 2.5, False)

@@ -37,9 +37,9 @@ from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
 from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import ProcessWorkers, Take
+from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
-from nathlon.sim.world import AGENT_DT
 
 pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
 

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nathlon.sim.car import parameters
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.physics.body import set_direction
 from nathlon.sim.physics.contact import CAR_RESTITUTION, WALL_RESTITUTION, Touch, collide, hit_wall
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, X, Y
-from nathlon.sim.world import DYNAMICS_DT, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, drive, stadium, start_at, world_with
 
 P = parameters(GT3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nathlon.sim.world import AGENT_DT
+from nathlon.sim.clock import AGENT_DT
 from tests.support.driving import GT3, drive, stadium, world_with
 
 

@@ -7,11 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.episode import Episodes
 from nathlon.sim.instruments import QUANTITIES, Instruments, Transition
 from nathlon.sim.state import CAR_STATE, CONTACT
 from nathlon.sim.track import KERB_LEFT, LEFT, load_track
-from nathlon.sim.world import Conditions, Start, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, stadium, world_with
 
 DT = 0.1

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nathlon.sim.car_facts import FACTS
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import (
     ANY_CAR,
@@ -26,7 +27,7 @@ from nathlon.sim.observation import (
 )
 from nathlon.sim.plan import COLUMNS, CURVATURE, DIRECTION, OFFSET, SPEED, STEERING, Plan, X, Y
 from nathlon.sim.track import Track
-from nathlon.sim.world import Conditions, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, drive, road, stadium, world_with
 
 specs = st.builds(

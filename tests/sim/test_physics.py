@@ -12,10 +12,10 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
 from nathlon.sim.car import Car
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.physics.course import SurfaceGrip, stand_on
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import CAR_STATE
-from nathlon.sim.world import Conditions
 from tests.support.closed_forms import (
     CARS,
     FREE,

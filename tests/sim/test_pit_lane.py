@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_DT
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -23,9 +25,10 @@ from nathlon.sim.physics.pit_lane import (
     TOO_FAST,
 )
 from nathlon.sim.rules import load_rules
+from nathlon.sim.service import Service
 from nathlon.sim.track import load_track, read_track
 from nathlon.sim.track.pit_lane import PitLane, laid_out
-from nathlon.sim.world import DYNAMICS_DT, Conditions, Service, Start, World
+from nathlon.sim.world import World
 from tests.support.refusals import refusal
 
 TRACK, CAR = load_track("lindenring"), load_car("gt3")

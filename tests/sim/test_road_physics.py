@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.kernel import kernel
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.chassis import advance
 from nathlon.sim.physics.course import facing, feel_road, locate, stand_on
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import Cars
-from nathlon.sim.world import DYNAMICS_DT
 from tests.support.closed_forms import CARS, FREE, G, changed, downforce, energy, follow, hills
 from tests.support.driving import GT3, STRAIGHT_M, circle, drive, road, stadium, world_with
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import load_car
+from nathlon.sim.conditions import Start
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.scenario import SAFE_LATERAL, Scenario, load_scenario
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
-from nathlon.sim.world import Start
 from tests.support.refusals import refusal
 
 TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}

@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.physics.contact import Touch
 from nathlon.sim.physics.course import course_parameters
 from nathlon.sim.rules import RuleParameters, load_rules, rule_parameters
 from nathlon.sim.state import CAR_STATE, OTHER, REAR_END, SIDE_SWIPE
 from nathlon.sim.steward import judge, watch_limits
 from nathlon.sim.track import Track
-from nathlon.sim.world import DYNAMICS_DT, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, road, start_at, world_with
 
 SPORTING = load_rules("sporting")

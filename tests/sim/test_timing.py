@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nathlon.sim.clock import AGENT_DT, DYNAMICS_DT
 from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.course import CourseParameters, course_parameters
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.timing import SECTORS, first_line, gaps, time_lines
-from nathlon.sim.world import AGENT_DT, DYNAMICS_DT, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, drive, stadium, start_at, world_with
 
 LENGTH = 1000.0

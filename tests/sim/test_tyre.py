@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nathlon.sim.car import Car, compound_ratio
+from nathlon.sim.clock import DYNAMICS_DT
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.physics.powertrain import engine_torque
 from nathlon.sim.physics.tyre import GONE, LEAST_GRIP, tyre_force, worn_grip
-from nathlon.sim.world import DYNAMICS_DT, Conditions
 from tests.support.closed_forms import (
     FREE,
     G,

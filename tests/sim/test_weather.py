@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from nathlon.sim.car import load_car, load_compounds
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import Scenario, load_scenario
+from nathlon.sim.service import Service
 from nathlon.sim.track import load_track
 from nathlon.sim.weather import (
     DRAINAGE_S,
@@ -23,7 +25,7 @@ from nathlon.sim.weather import (
     film_after,
     wet_share,
 )
-from nathlon.sim.world import Conditions, Service, World
+from nathlon.sim.world import World
 
 TRACK, CAR = load_track("lindenring"), load_car("gt3")
 SHOWER = Weather(shower=(Shower(time_s=2.0, rain_mm_h=36.0), Shower(time_s=7.0, rain_mm_h=0.0)))

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nathlon.sim.conditions import Conditions
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.course import facing, stand_on
 from nathlon.sim.physics.tyre import Ground
@@ -17,7 +18,7 @@ from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.rules import Serving, load_rules
 from nathlon.sim.state import CAR_STATE, CONTACT
 from nathlon.sim.track import Track
-from nathlon.sim.world import Conditions, World
+from nathlon.sim.world import World
 from tests.support.driving import GT3, drive, road, stadium, start_at, world_with
 
 CARS = 4

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from nathlon.sim.car import Car, load_car, parameters
+from nathlon.sim.clock import DYNAMICS_DT
+from nathlon.sim.race_step import locate_all
 from nathlon.sim.track import Track
-from nathlon.sim.world import DYNAMICS_DT, World, locate_all
+from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, road, stadium
 
 G = 9.81

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.car import Car, load_car
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.track import CircuitFile, Grid, Track, build_track
-from nathlon.sim.world import Conditions, Start, World
+from nathlon.sim.world import World
 
 GT3: Car = load_car("gt3")
 Profile = NDArray[np.float64] | float
@@ -76,7 +77,7 @@ def world_with(
     heading: list[float] | float = 0.0,
     finish: float = np.inf,
     car: Car = GT3,
-    conditions: Conditions = Conditions(),  # noqa: B008  # it cannot change
+    conditions: Conditions = Conditions(),  # it cannot change
 ) -> World:
     """A world of one race with cars at the given places, m, m/s, rad."""
     world = World(track, car, 1, len(distance), conditions)

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from nathlon.arena.race_log import RaceLog
 from nathlon.lab.coach.lap import STEP_M, Lap, Trace
 from nathlon.sim.car import Car, load_car
+from nathlon.sim.clock import DYNAMICS_DT
+from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_DT, Conditions, Start, World
+from nathlon.sim.world import World
 
 LATERAL_MOST = 0.02
 """Steering, rad at the wheels, that is given for the place across the road at most."""

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from nathlon.sim.car import Car
+from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY
-from nathlon.sim.world import DYNAMICS_DT
 
 STEER_S, RETURN_S = 0.22, 0.14
 """In which a key moves the steering from the middle to its end, and back when it is let go."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from nathlon.sim.world import DYNAMICS_DT
+from nathlon.sim.clock import DYNAMICS_DT
 
 FURTHEST_BEHIND_S = 0.1
 """A world that is further behind loses the time: it would race to make up for it."""

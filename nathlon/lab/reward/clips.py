@@ -19,13 +19,14 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.reports.race_data import race_data
 from nathlon.sim.car import load_car
+from nathlon.sim.clock import DYNAMICS_HZ
 from nathlon.sim.errors import InputError
 from nathlon.sim.instruments import QUANTITIES, Instruments, Transition
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.whole_file import whole_file, write_whole
-from nathlon.sim.world import DYNAMICS_HZ, World
+from nathlon.sim.world import World
 
 SCENARIO = str(Path(__file__).with_name("clip.toml"))
 OTHERS = ("driver:pace=0.9", "driver:pace=0.86,lane=2.5", "driver:pace=0.88,lane=-2.5")

@@ -1,0 +1,7 @@
+"""The steps of the simulator's time."""
+
+DYNAMICS_HZ = 60
+DYNAMICS_DT = 1.0 / DYNAMICS_HZ
+AGENT_HZ = 10
+SUBSTEPS = DYNAMICS_HZ // AGENT_HZ
+AGENT_DT = 1.0 / AGENT_HZ
