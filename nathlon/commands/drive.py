@@ -17,6 +17,7 @@ from nathlon.sim.extras import need
 from nathlon.terminal import tell, warn
 
 if TYPE_CHECKING:
+    from nathlon.lab.drive.difficulty import Difficulty
     from nathlon.lab.drive.server import DriveServer
 
 
@@ -79,6 +80,7 @@ def drive(
     from nathlon.lab.drive.blind import BlindTest
     from nathlon.lab.drive.choice import DriveOpponent, Offer
     from nathlon.lab.drive.coached import CoachAfterwards
+    from nathlon.lab.drive.difficulty import CHOSEN, NOVICE
     from nathlon.lab.drive.finalists import champions, finalists
     from nathlon.lab.drive.room import Room
     from nathlon.lab.drive.server import serve_drives
@@ -91,7 +93,9 @@ def drive(
     else:
         opponents = DriveOpponent.all(dict.fromkeys(sources))
         offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
-        offer = offer._replace(difficulty=difficulty, temper=temper)
+        # Whoever names nobody, and drives for the first time, is not sent against champions.
+        unchosen: Difficulty = CHOSEN if opponents or run else NOVICE
+        offer = offer._replace(difficulty=difficulty, temper=temper, unchosen=unchosen)
         output = OutputFolder(out or Path("runs/drive"))
 
     def on_open(server: DriveServer) -> None:

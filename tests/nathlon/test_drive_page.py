@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.steered_page import LedClock
+from nathlon.lab.drive.difficulty import LEVELS
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer
 from nathlon.sim.clock import DYNAMICS_DT
@@ -109,6 +110,7 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
     assert drive.page.locator("#result .again canvas").is_visible(), "the race just driven is played"
+    assert "driver:pace" not in drive.page.locator("#result .again").inner_text()
     places = drive.page.evaluate(f"[1, 2, 3, 11].map({module('drive/words.js')}.ordinal)")
     assert places == ["1st", "2nd", "3rd", "11th"]
     assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "Ada"
@@ -219,4 +221,16 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     assert drive.room.heat.plan.grid[:2] == tuple(
         f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400")
     )
+    # Who has chosen nothing yet begins with what the server says.
+    drive.page.evaluate(
+        f"""choices => {{
+            localStorage.clear();
+            {module("drive/menu.js")}.newMenu({{ choices, inputs: {{ device: "keys" }}, onGo() {{}} }});
+        }}""",
+        {
+            **{"circuits": ["lindenring"], "cars": ["gt3"], "opponents": [], "most_laps": 9, "most_cars": 9},
+            **{"blind": None, "difficulty": None, "temper": None, "levels": LEVELS, "unchosen": "beginner"},
+        },
+    )
+    assert drive.page.locator("[name=difficulty]").input_value() == "beginner"
     drive.close()

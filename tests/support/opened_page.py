@@ -38,9 +38,9 @@ REPLAY = {
 }
 
 
-def full_night() -> Selection:
+def full_night(entrants: int = 250) -> Selection:
     """A night with everything: a person on the committee, a night before, a race that was recorded, laps."""
-    selection = build(np.random.default_rng(0), entrants=250, finalists=6)
+    selection = build(np.random.default_rng(0), entrants=entrants, finalists=6)
     first, second = selection.tables["ranking"]["entrant"][:2]
     replay = {"match": selection.results["match"][0], **REPLAY}
     log = replace(oval_race(duration_s=90.0), match=replay["match"], race=replay["race"])

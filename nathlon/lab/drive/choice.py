@@ -154,6 +154,7 @@ class Offer(NamedTuple):
         opponents: those named first.
         circuits, cars: shipped names, and paths that were named on the command line; those first.
         difficulty, temper: that are set at first; None for what the person has chosen last.
+        unchosen: the difficulty for a person who has chosen none yet.
     """
 
     opponents: tuple[DriveOpponent, ...]
@@ -161,6 +162,7 @@ class Offer(NamedTuple):
     cars: tuple[str, ...]
     difficulty: Difficulty | None = None
     temper: TemperName | None = None
+    unchosen: Difficulty = CHOSEN
 
     @classmethod
     def of(

@@ -20,6 +20,7 @@ from nathlon.sim.errors import InputError
 Difficulty = Literal["chosen", "beginner", "intermediate", "expert", "match"]
 CHOSEN: Difficulty = "chosen"
 """By the person, one by one."""
+NOVICE: Difficulty = "beginner"
 LEVELS = {"beginner": (0.74, 0.84), "intermediate": (0.84, 0.92), "expert": (0.92, 1.0)}
 """Paces of the slowest and of the fastest opponent."""
 HALF_WIDTH = 0.04

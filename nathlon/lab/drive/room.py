@@ -292,6 +292,7 @@ class Room:
             "blind": None if self._blind is None else self._blind.standing(),
             "difficulty": self._offer.difficulty,
             "temper": self._offer.temper,
+            "unchosen": self._offer.unchosen,
             "levels": LEVELS,
             "most_laps": MOST_LAPS,
             "most_cars": MOST_CARS,

@@ -3,6 +3,7 @@
 import { byId, h } from "../race/element.js";
 import { calm, spaceScene } from "../race/space.js";
 import { clock } from "../numbers.js";
+import { called } from "./words.js";
 
 /**
  * What plays it; it stops when it leaves the page. Null where the browser has no WebGL.
@@ -10,6 +11,7 @@ import { clock } from "../numbers.js";
  * @param {number} own the person's car
  */
 export function playedAgain(recording, own) {
+  for (const car of recording.race.cars) car.name = called(car.name);
   const state = /** @type {any} */ ({ now: 0, followed: own, camera: "trackside", playing: !calm() });
   const space = spaceScene(recording, state, "again");
   const shown = h("output", {}, clock(0));

@@ -45,7 +45,7 @@ export function newMenu({ choices, inputs, onGo }) {
   const [circuit, car] = [select("circuit", named(choices.circuits), known("circuit", choices.circuits)), select("car", named(choices.cars), known("car", choices.cars))];
   // Only who can drive there; all of the first kind are chosen, checkpoints before drivers.
   const { blind } = choices;
-  const difficulty = select("difficulty", Object.entries(DIFFICULTIES), choices.difficulty ?? last.difficulty ?? "chosen");
+  const difficulty = select("difficulty", Object.entries(DIFFICULTIES), choices.difficulty ?? last.difficulty ?? choices.unchosen);
   const temper = select("temper", Object.entries(TEMPERS), choices.temper ?? last.temper ?? "fair");
   const means = h("p", { class: "keys" });
   function explain() {
@@ -141,10 +141,10 @@ export function resultDialog({ rows, car, recording, inputs, questions, forecast
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
-      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
+      : [h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave)),
+         h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
          h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", startNumber(car)]))),
-         h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
+         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", startNumber(car)])))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();
   again?.begin();
