@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
-from foxglove_schemas_protobuf.Point3_pb2 import Point3
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
@@ -18,7 +18,10 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from numpy.typing import NDArray
 
 from nathlon.arena.circuit_mesh import mesh, surfaces
+from nathlon.arena.protobuf_rows import encode
 from nathlon.arena.race_log import Outline, RaceLog
+
+Drawn = TypeVar("Drawn", LinePrimitive, TriangleListPrimitive)
 
 CAR_HEIGHT_M = 1.25
 TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}
@@ -48,21 +51,15 @@ def _circuit(outline: Outline) -> SceneEntity:
     ground = []
     for colour, quads in surfaces(outline).values():
         vertices, triangles = mesh(quads)
-        ground.append(
-            TriangleListPrimitive(
-                pose=here,
-                points=_points(vertices, 0.0),
-                indices=triangles.ravel().tolist(),
-                color=_colour(*colour),
-            )
+        primitive = TriangleListPrimitive(
+            pose=here, indices=triangles.ravel().tolist(), color=_colour(*colour)
         )
+        ground.append(_with_points(primitive, vertices, 0.0))
     lines = [
-        LinePrimitive(
-            type=LinePrimitive.LINE_LOOP,
-            pose=here,
-            thickness=width_m,
-            points=_points(line, above_m),
-            color=shade,
+        _with_points(
+            LinePrimitive(type=LinePrimitive.LINE_LOOP, pose=here, thickness=width_m, color=shade),
+            line,
+            above_m,
         )
         for line, above_m, width_m, shade in (
             (outline.left, 0.02, 0.3, _colour(235, 235, 235)),
@@ -74,8 +71,13 @@ def _circuit(outline: Outline) -> SceneEntity:
     return SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)
 
 
-def _points(points: NDArray[np.float64], above_m: float) -> list[Point3]:
-    return [Point3(x=x, y=y, z=z + above_m) for x, y, z in points.tolist()]
+def _with_points(primitive: Drawn, points: NDArray[np.float64], above_m: float) -> Drawn:
+    """The primitive through points (n, 3), raised and encoded at once."""
+    x, y, z = points.T
+    primitive.MergeFromString(
+        encode(primitive.DESCRIPTOR, {"points": {"x": x, "y": y, "z": z + above_m}}, len(points)).tobytes()
+    )
+    return primitive
 
 
 def _colour(red: int, green: int, blue: int) -> Color:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib.metadata import version
 from typing import NamedTuple
 
@@ -270,8 +270,9 @@ def stretches(track: Track) -> tuple[NamedStretch, ...]:
     )
 
 
+@lru_cache(maxsize=2)
 def outline(track: Track) -> Outline:
-    """The circuit's lines for drawing, to a millimetre."""
+    """The circuit's lines for drawing, to a millimetre; kept, as what is drawn from them is."""
     table = track.table
 
     def line(lateral_m: NDArray[np.float64] | float) -> NDArray[np.float64]:
