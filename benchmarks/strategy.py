@@ -6,7 +6,8 @@ is named, and then races its planner against plans without a stop and of one, tw
 stints, each on the compound that the model likes best for it. What was practised is kept in the folder, for
 the next time. Figures by circuit:
 
-- `alone`: race time by strategy and seed, s;
+- `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
+  out;
 - `expected_s`: of the fixed plans, by the model;
 - `field`: mean place of planners and of the best fixed plan, ten cars each, by seed; every grid is also raced
   the other way round.
@@ -152,6 +153,9 @@ def measure(
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
     driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds)
     print(circuit, json.dumps(driven), flush=True)
+    gone = [name for name in sources if not np.isfinite(driven[name]).all()]
+    for name in gone:
+        del sources[name], fixed[name], driven[name]
     best = min(sources, key=lambda name: fmean(driven[name]))
     began = time.perf_counter()
     places = field(str(planner), sources[best], circuit, laps, in_field) if in_field else []
