@@ -62,7 +62,7 @@ class _Tyres(NamedTuple):
         return round(self.used_kg + SPARE_KG, 1)
 
 
-class _Ways(NamedTuple):
+class _Departures(NamedTuple):
     """Ways to drive on after a stop, without it: (n,) kg in the tank, s to the finish, and which tyres."""
 
     fuel_kg: Floats
@@ -124,7 +124,7 @@ class StintSearch:
         known = rest[left]
         return np.inf if known is None else float(np.interp(fuel_kg, self._fuel_kg, known))
 
-    def _best(self, ways: _Ways, seconds: Floats) -> NextStint:
+    def _best(self, ways: _Departures, seconds: Floats) -> NextStint:
         best = int(seconds.argmin())
         tyres = self._tyres[ways.tyres[best]]
         fuel_kg = round(float(ways.fuel_kg[best]), 1)
@@ -136,7 +136,7 @@ class StintSearch:
             return None
         return self._stopped(ways, self._fuel_kg[:, None]).min(axis=1)
 
-    def _stopped(self, ways: _Ways, fuel_kg: Floats | float) -> Floats:
+    def _stopped(self, ways: _Departures, fuel_kg: Floats | float) -> Floats:
         """What ways take with the stop before them, s; inf where fuel would have to be taken out."""
         added = ways.fuel_kg - fuel_kg
         stop_s = self._model.stop_s + MARGIN_S + service_s(self._pit, True, np.maximum(added, 0.0))
@@ -144,7 +144,7 @@ class StintSearch:
 
     def _ways(
         self, left: int, rest: Rest, fuel_kg: float | None = None, compound: str | None = None
-    ) -> _Ways | None:
+    ) -> _Departures | None:
         """All ways to drive on with so many laps to go; also with just the fuel that is there."""
         cells = self._fuel_kg if fuel_kg is None else np.append(self._fuel_kg, fuel_kg)
         fuels, seconds, numbers = [], [], []
@@ -162,7 +162,7 @@ class StintSearch:
             numbers.append(np.full(len(fuel), number))
         if not fuels:
             return None
-        return _Ways(np.concatenate(fuels), np.concatenate(seconds), np.concatenate(numbers))
+        return _Departures(np.concatenate(fuels), np.concatenate(seconds), np.concatenate(numbers))
 
 
 def _tyres(compound: CompoundLaps, laps: int) -> _Tyres:

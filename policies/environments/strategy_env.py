@@ -24,7 +24,7 @@ from nathlon.sim.service import Service
 Observation = NDArray[np.float32]
 
 SHIPPED = Path(__file__).parent / "strategy.toml"
-"""A planner: the built-in driver's, at pace 0.95 in a gt3 on Lindenring in `grand_prix_stops`."""
+"""A planner: the champion's, in a gt3 on Lindenring in `grand_prix_stops`."""
 FARTHEST_S = 60.0
 """Gaps are seen up to here."""
 PACE_S = 0.4
