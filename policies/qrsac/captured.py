@@ -19,15 +19,18 @@ class Inputs(NamedTuple):
     """All that an update needs besides the state."""
 
     pace: Pace
-    batch: Batch
+    batch: Minibatch
     noise: Noise
 
     def tensors(self) -> list[Tensor]:
         """Those there are, in one order."""
-        return [tensor for part in self for tensor in part if tensor is not None]
+        assert isinstance(self.batch, Batch), "passages are not captured"
+        parts = (*self.pace, *self.batch, *self.noise)
+        return [tensor for tensor in parts if tensor is not None]
 
     def clone(self) -> Inputs:
         """Copies in memory of their own."""
+        assert isinstance(self.batch, Batch), "passages are not captured"
         seed = self.noise.seed
         return Inputs(
             Pace(*(tensor.clone() for tensor in self.pace)),
