@@ -24,14 +24,17 @@ class Inputs(NamedTuple):
 
     def tensors(self) -> list[Tensor]:
         """Those there are, in one order."""
-        return [tensor for part in self for tensor in part if isinstance(tensor, Tensor)]
+        assert isinstance(self.batch, Batch), "passages are not captured"
+        parts = (*self.pace, *self.batch, *self.noise)
+        return [tensor for tensor in parts if tensor is not None]
 
     def clone(self) -> Inputs:
         """Copies in memory of their own."""
+        assert isinstance(self.batch, Batch), "passages are not captured"
         seed = self.noise.seed
         return Inputs(
             Pace(*(tensor.clone() for tensor in self.pace)),
-            Batch._make(tensor.clone() for tensor in self.batch if isinstance(tensor, Tensor)),
+            Batch(*(tensor.clone() for tensor in self.batch)),
             Noise(
                 self.noise.action.clone(),
                 self.noise.next_action.clone(),

@@ -211,11 +211,11 @@ class GymnasiumTraining:
         end = self.steps + steps
         while self.steps < end:
             warm = self.steps >= self._warm_up
-            memory, actions = self._memory, self._random()
+            memory = self._memory
             if warm or self._recurrent:
-                seen, _ = self._environments.parted(self._environments.observation)
-                acted, self._memory = self.learner.drive(seen, memory, stochastic=True)
-                actions = acted if warm else actions
+                actions = self._act()
+            if not warm:
+                actions = self._random()
             made = self._environments.step(actions)
             self._remember(made, actions, memory)
             self._memory[made.terminated | made.truncated | ~made.valid] = 0.0
@@ -223,6 +223,12 @@ class GymnasiumTraining:
             if warm:
                 for _ in range(self._updates):
                     self.learner.update(self._sample())
+
+    def _act(self) -> Array:
+        """Actions of the policy, which remembers them."""
+        seen, _ = self._environments.parted(self._environments.observation)
+        actions, self._memory = self.learner.drive(seen, self._memory, stochastic=True)
+        return actions
 
     def _remember(self, made: Transitions, actions: Array, memory: Array) -> None:
         reward, ends = made.reward.astype(np.float32), (made.terminated, made.truncated, made.valid)

@@ -312,4 +312,4 @@ class PassageUpdate(Update):
         assert isinstance(batch, PassageBatch), "it learns from passages"
         windows = self._windows
         outputs = self.network(policy, batch.seen, batch.memory, windows.recalled)
-        return outputs[:, windows.lasts - windows.recalled].flatten(0, 1)
+        return outputs[:, torch.from_numpy(windows.lasts - windows.recalled)].flatten(0, 1)

@@ -132,7 +132,8 @@ class Trainer:
 
     def _load_networks(self, origin: Path) -> None:
         if self.learner.recurrent and read_run_folder(origin)[0].imitation:
-            return self._load_taught(origin, self.learner.recurrent)
+            self._load_taught(origin, self.learner.recurrent)
+            return
         try:
             self.learner.load_networks(load_state(origin).learner)
         except InputError as error:

@@ -154,9 +154,16 @@ def _entered(
 def _settings(circuit: str, car: str, asked: MatrixSettings, ours: bool) -> Iterator[CellSetting]:
     if not ours:
         asked = MatrixSettings(scenarios=asked.scenarios, delays_s=(0.0,))
-    seen = asked.delays_s, asked.rates_hz or (0.0,), asked.blurs, asked.noises
-    for levels in product(asked.scenarios, asked.compounds or ("",), *seen):
-        yield CellSetting(circuit, car, *levels)
+    levels = product(
+        asked.scenarios,
+        asked.compounds or ("",),
+        asked.delays_s,
+        asked.rates_hz or (0.0,),
+        asked.blurs,
+        asked.noises,
+    )
+    for scenario, compound, delay_s, hz, blur, noise in levels:
+        yield CellSetting(circuit, car, scenario, compound, delay_s, hz, blur, noise)
 
 
 def _cells(world: World, setting: CellSetting, places: Sequence[int], set_aside: list[str]) -> list[Cell]:
