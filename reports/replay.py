@@ -153,7 +153,7 @@ def _log_draught(stream: Logging, log: RaceLog, car: int) -> None:
     drawn = share > DRAUGHT_SEEN
     reach = DRAUGHT_M * share[drawn, None, None] * np.array([1.0, 0.0, 0.0])
     strips = np.stack([np.broadcast_to(roots, (len(reach), *roots.shape)), roots + reach], axis=2)
-    streaks = rr.LineStrips3D.columns(strips=list(strips.reshape(-1, 2, 3)))
+    streaks = rr.LineStrips3D.columns(strips=strips.reshape(-1, 2, 3))
     look = rr.LineStrips3D.from_fields(radii=0.025, colors=DRAUGHT_COLOUR)
     stream.log(f"world/cars/{car}/draught", look, static=True)
     index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
@@ -163,7 +163,7 @@ def _log_draught(stream: Logging, log: RaceLog, car: int) -> None:
 def _log_trail(stream: Logging, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
     """One stroke from each sample to the next; the map shows the last few."""
     path = north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
-    strokes = rr.LineStrips2D.columns(strips=list(np.stack([path[:-1], path[1:]], axis=1)))
+    strokes = rr.LineStrips2D.columns(strips=np.stack([path[:-1], path[1:]], axis=1))
     index = [rr.TimeColumn(TIMELINE, duration=log.time_s[1:])]
     stream.send_columns(f"map/trails/{car}", index, strokes)
     stream.log(f"map/trails/{car}", rr.LineStrips2D.from_fields(radii=-1.5, colors=colour), static=True)

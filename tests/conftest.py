@@ -54,15 +54,6 @@ def uncompiled() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def brief_laps() -> Iterator[None]:
-    """Laps of checkpoints are given up early."""
-    from tests.support.trainings import given_up_early
-
-    with given_up_early():
-        yield
-
-
 @pytest.fixture
 def pool() -> Iterator[Pool]:
     """A pool of one process, which sees what the test has put on the path."""

@@ -13,13 +13,19 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
+from nathlon.sim.world import DYNAMICS_HZ
 
 SCENARIO = "time_trial"
 RUNS = 4
+PATIENCE_S, PROGRESS_M, ON_COURSE_S = 20.0, 200.0, 1.0
 
 
 class LapEvaluation(NamedTuple):
-    """Of `RUNS` time trials: mean lap time (nan unless all were completed) and share of time off course."""
+    """Of `RUNS` time trials: mean lap time (nan unless all were completed) and share of time off course.
+
+    A trial also ends where a car gets nowhere in `PATIENCE_S`, as policies do that have hardly learnt
+    anything: it comes to no more than `PROGRESS_M`, or hardly touches the course.
+    """
 
     lap_s: float
     off_course_share: float
@@ -42,11 +48,18 @@ def evaluate_laps(pair: Pair, policy: Policy, seed: int) -> LapEvaluation:
     for race in range(RUNS):
         world.reset(race, scenario.place(track, rng))
     races, cars = np.arange(RUNS), np.zeros(RUNS, np.int64)
-    while world.state["driving"].any() and world.time[0] < scenario.time_s:
+    state, driven = world.state[:, 0], np.zeros(RUNS)
+    reached, strayed = np.full(RUNS, -np.inf), np.zeros(RUNS)
+    while state["driving"].any() and world.time[0] < scenario.time_s:
+        if world.ticks[0] % round(PATIENCE_S * DYNAMICS_HZ) == 0:
+            state["driving"] &= state["progress"] - reached > PROGRESS_M
+            state["driving"] &= state["off_course_s"] - strayed < PATIENCE_S - ON_COURSE_S
+            reached, strayed = state["progress"].copy(), state["off_course_s"].copy()
+        driving = state["driving"].copy()
         actions, memory = policy.act(world.observe(spec, races, cars), memory)
         world.step(actions[:, None])
-    state = world.state[:, 0]
-    driven = np.where(np.isnan(state["finish_s"]), world.time, state["finish_s"])
+        driven[driving] = world.time[0]
+    driven = np.where(np.isnan(state["finish_s"]), driven, state["finish_s"])
     return LapEvaluation(float(state["best_lap_s"].mean()), float(state["off_course_s"].sum() / driven.sum()))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import resource
@@ -17,12 +18,15 @@ import numpy as np
 import pytest
 import torch
 
+from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.incoming import Incoming
+from nathlon.policies.policy import StatelessPolicy
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training import rewards, worker_pool
 from nathlon.policies.training import trainer as training
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
-from nathlon.policies.training.log import Status
+from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
@@ -31,8 +35,9 @@ from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import ProcessWorkers, Take
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
+from nathlon.sim.world import AGENT_DT
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled", "brief_laps")]
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
 
 PAIR = Pair("lindenring", "gt3")
 SMALL = TrainingConfig.model_validate(
@@ -63,10 +68,24 @@ def train(trainer: Trainer) -> list[Status]:
 def test_the_same_seed_gives_the_same_checkpoints(tmp_path: Path) -> None:
     contents = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        train(Trainer.start(tmp_path / name, SMALL, seed))
+        train(Trainer.start(tmp_path / name, changed(checkpoint_every=4), seed))
         contents.append((tmp_path / name / "checkpoints" / "step-0000008.safetensors").read_bytes())
     assert contents[0] == contents[1]
     assert contents[0] != contents[2]
+    assert_is_whole(tmp_path / "c")
+
+
+def assert_is_whole(run: Path) -> None:
+    """It has left checkpoints that drive, and a curve."""
+    paths = sorted((run / "checkpoints").iterdir())
+    assert [load_checkpoint(path).card.step for path in paths] == [4, 8]
+    policy = load_checkpoint(paths[0])
+    assert policy.card.seed == 2
+    assert policy.card.scenarios == ("1v0", "1v3")
+    assert policy.observation_spec == SMALL.observation.spec()
+    rows = list(csv.DictReader((run / CURVE_FILE).open()))
+    assert [int(row["updates"]) for row in rows] == [4, 8]
+    assert list((run / "tensorboard").glob("events*"))
 
 
 def test_updates_in_a_row_are_those_made_one_by_one(tmp_path: Path) -> None:
@@ -425,3 +444,16 @@ def test_a_wrong_configuration_names_file_and_field(tmp_path: Path, text: str, s
     with pytest.raises(InputError, match=said) as error:
         read_config(path)
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(("pedal", "steering"), [(0.0, 0.0), (0.5, 1.0)], ids=["at rest", "in circles"])
+def test_a_trial_ends_where_a_policy_gets_nowhere(pedal: float, steering: float) -> None:
+    asked: list[int] = []
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        asked.append(len(observations))
+        return np.tile(np.array([pedal, steering], np.float32), (len(observations), 1))
+
+    laps = evaluate_laps(PAIR, StatelessPolicy(SMALL.observation.spec(), act), seed=1)
+    assert np.isnan(laps.lap_s)
+    assert len(asked) < 60.0 / AGENT_DT

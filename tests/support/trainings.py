@@ -8,9 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from nathlon.policies.qrsac import learner
-from nathlon.policies.training import evaluation
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.sim.scenario import Scenario, load_scenario
 
 TOML = """
 circuit = "lindenring"
@@ -68,16 +66,4 @@ def as_written() -> Iterator[None]:
     """Updates of QR-SAC are not compiled. PyTorch has a switch for that, but loads its compiler first."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(learner, "_compiled", lambda update: update.in_place)
-        yield
-
-
-@contextmanager
-def given_up_early() -> Iterator[None]:
-    """Laps of checkpoints end after 20 s: who has hardly learnt anything stands still for six minutes."""
-
-    def brief(name: str) -> Scenario:
-        return load_scenario(name).model_copy(update={"time_s": 20.0})
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluation, "load_scenario", brief)
         yield
