@@ -20,7 +20,7 @@ class Policies:
     def __init__(self, spaces: Callable[[int], Any], load: Callable[..., Any]) -> None:
         """Of a loader, which gets the spaces of a seat by its number."""
         self._spaces, self._load = spaces, load
-        self._seated: dict[int, Seated] = {}
+        self._seated: dict[int, HostedPolicy] = {}
         self._loaded = 0
 
     def described(self) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -34,7 +34,7 @@ class Policies:
         for number in message.get("dropped", []):
             self._seated.pop(number, None)
         if "path" in message:
-            made = Seated(self._load(Path(message["path"]), *self._spaces(message["seat"])))
+            made = HostedPolicy(self._load(Path(message["path"]), *self._spaces(message["seat"])))
             self._loaded += 1
             self._seated[self._loaded] = made
             return {"number": self._loaded, "gives_scores": made.gives_scores}, {}
@@ -45,7 +45,7 @@ class Policies:
         return {}, {"action": seated.act(arrays["observation"])}
 
 
-class Seated:
+class HostedPolicy:
     """What a loader has made, in a seat, with the memory of an episode.
 
     Attributes:
