@@ -124,12 +124,12 @@ def test_a_slower_driver_is_worse_wherever_it_can_drive(tmp_path: Path) -> None:
 def test_pairs_that_a_policy_cannot_drive_are_said(tmp_path: Path) -> None:
     config = tmp_path / "quick.toml"
     config.write_text(
-        "[matrix]\ncircuits = ['lindenring', 'porto-sereno']\nscenarios = ['time_trial', 'pit_stop']\n"
+        "[matrix]\ncircuits = ['lindenring', 'porto-sereno']\nscenarios = ['time_trial', 'no_such_race']\n"
         "places = [1]\ndelays_s = [0.0]\nconfirm = 0\n"
     )
-    with pytest.raises(InputError, match="scenario 'pit_stop' is unknown"):
+    with pytest.raises(InputError, match="scenario 'no_such_race' is unknown"):
         nathlon.matrix(SPECIALIST, tmp_path / "out", config=config, progress=False)
-    config.write_text(config.read_text().replace(", 'pit_stop'", ""))
+    config.write_text(config.read_text().replace(", 'no_such_race'", ""))
     report = nathlon.matrix(SPECIALIST, tmp_path / "out", config=config, progress=False).report
     assert {cell.circuit for cell in report.cells} == {"lindenring"}
     [sentence] = [said for said in report.set_aside if said.startswith("porto-sereno with gt3: ")]
