@@ -79,12 +79,12 @@ def test_what_it_must_not_answer_is_told(tmp_path: Path, answer: str, said: str)
     [
         ("1 / 0", "Mine raised ZeroDivisionError .*, expected a strategist"),
         ("", "Mine raised AttributeError .*, expected a strategist"),
-        ("import beside", "Mine raised ModuleNotFoundError"),
+        ("import lies_beside", "Mine raised ModuleNotFoundError"),
         ("Mine = lambda circuit, car: 3", "Mine made no strategist: it has no method start"),
     ],
 )
 def test_a_file_without_a_strategist_is_named(tmp_path: Path, code: str, said: str) -> None:
-    (tmp_path / "beside.py").touch()
+    (tmp_path / "lies_beside.py").touch()
     path = written(tmp_path, "", code)
     with refusal(tmp_path / "mine.py", said):
         load_policy(str(path), "lindenring", "gt3")
