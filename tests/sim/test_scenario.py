@@ -320,7 +320,11 @@ class TestConditions:
         ("cars = 2", "cars = 21", "field cars is 21: .*less than or equal to 20"),
         ("cars = 2", "cars = 2.5", "field cars is 2.5: .*integer"),
         ("cars = 2", "", "field cars: Field required"),
-        ("cars = 2", "cars = 2\nboats = 1", "field boats is unknown; expected one of action_hz, blur, cars, .*"),
+        (
+            "cars = 2",
+            "cars = 2\nboats = 1",
+            "field boats is unknown; expected one of action_hz, blur, cars, .*",
+        ),
         (
             'kind = "grid"',
             'kind = "grid"\ngap_m = 9.0',
