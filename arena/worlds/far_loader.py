@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nathlon.arena.world import Space, WorldError
 from nathlon.arena.worlds.foreign import Interpreter
 from nathlon.policies.child import Child, ChildError
+from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.patience import FIRST_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
@@ -139,9 +140,12 @@ class FarPolicy:
         """
         self._process = self._loader.running
         try:
-            told, _ = self._loader.ask({"path": str(self._path.absolute()), "seat": self._seat})
+            with memory_limit(process=self._process.process.pid):
+                told, _ = self._loader.ask({"path": str(self._path.absolute()), "seat": self._seat})
         except ChildError as error:
             raise FarError(str(error)) from None
+        except (FileNotFoundError, ProcessLookupError):
+            raise FarError("its process has ended") from None
         self._number, self.gives_scores = int(told["number"]), bool(told["gives_scores"])
         weakref.finalize(self, self._loader.give_up, self._process, self._number)
 

@@ -57,6 +57,10 @@ def scored(path, observation_space, action_space):
     return module
 
 
+def greedy(path, observation_space, action_space):
+    return bytearray(3 << 30)
+
+
 def ends(path, observation_space, action_space):
     """Ends its process at the third step, or when it is loaded; others name all lights."""
     what = Path(path).read_text()
@@ -88,7 +92,7 @@ def far(folder: Path, load: str) -> PettingZooWorld:
 @pytest.fixture(scope="module")
 def playing(tmp_path_factory: pytest.TempPathFactory) -> PettingZooWorld:
     """Endings for several loaders, which share what each costs to start."""
-    loaders = ("there", "counts", "counts_itself", "drawn", "broken", "nothing", "wrong", "scored")
+    loaders = ("there", "counts", "counts_itself", "drawn", "broken", "greedy", "nothing", "wrong", "scored")
     return far(tmp_path_factory.mktemp("far"), str({f".{one}": f"loaders.py:{one}" for one in loaders}))
 
 
@@ -121,6 +125,7 @@ def test_each_has_random_generators_of_its_own(playing: PettingZooWorld, tmp_pat
     ("load", "said"),
     [
         ("broken", "broken raised KeyError ('left'), expected a policy"),
+        ("greedy", "greedy raised MemoryError (), expected a policy"),
         ("nothing", "nothing raised TypeError (gives NoneType, expected what is called with an observation"),
         ("wrong", "shown an observation, gives [3.5], expected whole numbers"),
     ],
