@@ -197,7 +197,7 @@ class ObservationSettings(Section):
         return replace(self.critic_spec(), camera=self.camera) if self.camera else self.critic_spec()
 
     def critic_spec(self) -> ObservationSpec:
-        """What critics see instead: of who sees by a camera the numbers, else the same."""
+        """What critics see instead: the numbers where the policy sees by a camera, else the same."""
         return ObservationSpec(**self.model_dump(exclude={"camera"}))
 
 
