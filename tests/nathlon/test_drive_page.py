@@ -97,9 +97,10 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     assert heat is not None
     drive.page.click("#pause >> text=Steering aid")
     drive.page.evaluate(GO_ON_BRAKING)
+    # The aids are told before this.
+    drive.heard(True, 0.0, 0.0, 1.0)
     assert not heat.aids.steering
     assert heat.aids.pedals
-    drive.heard(True, 0.0, 0.0, 1.0)
     clock.give(steps(8.0))
     # At rest the brake that is still held drives back, at 4 m/s.
     drive.until("Number(document.querySelector('#car b').textContent) < 16")
