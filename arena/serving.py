@@ -23,7 +23,7 @@ from nathlon.arena.workers import NO_MEMORY, READY
 from nathlon.arena.world import LineUp
 from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
-from nathlon.policies.child_processes import obey_parent
+from nathlon.policies.hosting.spawned import obey_parent
 from nathlon.policies.isolation import keep_channels, preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER

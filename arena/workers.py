@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -14,8 +13,8 @@ from typing import Any
 
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
-from nathlon.policies.child_processes import starting_processes
-from nathlon.policies.incoming import Incoming, UnreadableError
+from nathlon.policies.hosting.incoming import UnreadableError
+from nathlon.policies.hosting.spawned import Spawned, starting_processes
 from nathlon.policies.isolation import CLOSED
 from nathlon.sim.scratch import scratch_folder
 
@@ -63,8 +62,8 @@ def new_output_log() -> OutputLog:
     return OutputLog(lambda: _CONTEXT.Pipe(duplex=False))
 
 
-class Worker:
-    """A process, and the pipe to it.
+class Worker(Spawned):
+    """A process that runs matches.
 
     Attributes:
         watch: what it is at.
@@ -88,44 +87,39 @@ class Worker:
         self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
         self.idle, self.fresh, self.began, self.unreadable = False, True, False, False
         self._mute = False
-        self._pipe, theirs = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
-        with starting_processes():
-            self._process.start()
-        self.patience = Patience(self.watch, self._process.pid)
-        self._incoming = Incoming(self._pipe, self._process.pid, first_answer_s)
-        theirs.close()
+        super().__init__(_CONTEXT, serve, self.watch, sink, limit_s=first_answer_s)
+        self.patience = Patience(self.watch, self.process.pid)
 
     @property
     def signs(self) -> tuple[Any, ...]:
         """What becomes ready when it has news or has died; see `multiprocessing.connection.wait`."""
         # The end of a pipe is news for ever, and its process may live on for a while.
-        return (self._process.sentinel,) if self._mute else (self._pipe, self._process.sentinel)
+        return (self.process.sentinel,) if self._mute else (self.pipe, self.process.sentinel)
 
     @property
     def dead(self) -> bool:
-        return not self._process.is_alive()
+        return not self.process.is_alive()
 
     @property
     def out_of_memory(self) -> bool:
         """Whether it has died for want of memory, which the system may have killed it for."""
-        return self._process.exitcode in (NO_MEMORY, -signal.SIGKILL)
+        return self.process.exitcode in (NO_MEMORY, -signal.SIGKILL)
 
     @property
     def closed(self) -> bool:
         """Whether it has died because foreign code in it had closed what it answers through."""
-        return self._process.exitcode == CLOSED
+        return self.process.exitcode == CLOSED
 
     def give(self, work: object) -> None:
         """Send it something to do; if it has died meanwhile, that is noticed later."""
         self.idle = self.fresh = False
         with suppress(BrokenPipeError):
-            self._pipe.send(work)
+            self.pipe.send(work)
 
     def news(self) -> Iterator[Any]:
         """What it has sent and was not read yet, READY apart."""
         try:
-            for message in self._incoming.messages():
+            for message in self.incoming.messages():
                 if message == READY:
                     self.idle = self.began = True
                 else:
@@ -135,11 +129,3 @@ class Worker:
         except UnreadableError:
             self.unreadable = True
             self.kill()
-
-    def kill(self) -> None:
-        """End it at once, with all that it has forked; what it has sent can still be read."""
-        if os.name == "posix":
-            with suppress(ProcessLookupError):  # it has not begun, or has ended and left nothing
-                os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.kill()
-        self._process.join()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.child import Child, ChildError, LateError
+from nathlon.policies.hosting.child import Child, ChildError, LateError, RaisedError
 from nathlon.policies.load import load_policy
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, TimedOutError
 from nathlon.policies.policy import Batch, Observations, Policy
@@ -18,7 +18,7 @@ from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.process import command_of
 
 if TYPE_CHECKING:
-    from nathlon.sim.wire import Arrays
+    from nathlon.policies.hosting.wire import Arrays
 
 
 def is_guest(name: str) -> bool:
@@ -145,9 +145,9 @@ class PolicyApart:
             raise TimedOutError(f"{self._source}: {error}") from None
         except ChildError as error:
             raise self._refused(str(error)) from None
+        except RaisedError as error:
+            raise self._refused(f"raised {error}, expected actions") from None
         if "refused" in answer:
             self._child.end()
             raise InputError(str(answer["refused"]))
-        if "raised" in answer:
-            raise self._refused(f"raised {answer['raised']}, expected actions")
         return answer, brought

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from nathlon.policies.child_host import messages, pipe_to_parent
+from nathlon.policies.hosting.wire import messages, pack, pipe_to_parent, serve
 from nathlon.policies.isolation import Globals
 from nathlon.policies.load import load_policy
 from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.policy import Observations, Policy, has_reverse
 from nathlon.sim.errors import InputError
-from nathlon.sim.wire import pack
 
 
 def main() -> None:
     """Open the policy that is asked for, and answer for it until nobody asks any more."""
     pipe = pipe_to_parent()
-    asked = messages(pipe)
     Globals.seeded(0).restore()
-    wanted, _ = next(asked)
+    wanted, _ = next(messages(pipe))
     sys.path[:] = wanted["path"]
     try:
         with memory_limit():
@@ -32,23 +31,20 @@ def main() -> None:
     pipe.send_bytes(
         pack({"observation_spec": policy.observation_spec.to_dict(), "reverse": has_reverse(policy)})
     )
-    for message, arrays in asked:
-        pipe.send_bytes(_answer(policy, message, arrays))
+    serve(pipe, partial(_answer, policy))
 
 
-def _answer(policy: Policy, message: dict[str, Any], arrays: dict[str, Any]) -> bytes:
-    try:
-        if "seed" in message:
-            Globals.seeded(message["seed"]).restore()
-            return pack({})
-        if "cars" in message:
-            return pack({}, {"memory": policy.initial_memory(message["cars"])})
-        # Copies, for a policy may write into them.
-        actions, memory = policy.act(_seen(policy, arrays), arrays["memory"].copy())
-        return pack({}, {"actions": actions, "memory": memory})
-    # It is foreign code: whatever it raises, the user wants to know whose it is.
-    except Exception as error:
-        return pack({"raised": f"{type(error).__name__} ({error})"})
+def _answer(
+    policy: Policy, message: dict[str, Any], arrays: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    if "seed" in message:
+        Globals.seeded(message["seed"]).restore()
+        return {}, {}
+    if "cars" in message:
+        return {}, {"memory": policy.initial_memory(message["cars"])}
+    # Copies, for a policy may write into them.
+    actions, memory = policy.act(_seen(policy, arrays), arrays["memory"].copy())
+    return {}, {"actions": actions, "memory": memory}
 
 
 def _seen(policy: Policy, arrays: dict[str, Any]) -> Observations:

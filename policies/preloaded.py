@@ -3,7 +3,7 @@
 It starts no threads, and so can be forked; polars does, and is left to the workers.
 """
 
-from nathlon.policies.child_processes import forget_safe_path
+from nathlon.policies.hosting.spawned import forget_safe_path
 from nathlon.policies.kernels import load_kernels
 
 forget_safe_path()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
 
 from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
+from nathlon.policies.hosting.programs import complaint
 from nathlon.reports._blueprint import SEEN, TIMELINE, blueprint
 from nathlon.reports._circuit import Logging, log_circuit, log_map, north_up
 from nathlon.reports._motion import POSE, gaps, poses
@@ -71,9 +71,7 @@ def open_viewer(replay: Path) -> None:
     Raises InputError if the viewer cannot run here, for want of a display for instance.
     """
     viewer = command_of("rerun", "--bind", "127.0.0.1", "--port", "auto", replay)
-    ended = subprocess.run(viewer, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
-    if ended.returncode != 0:
-        reason = (ended.stderr.strip().splitlines() or ["it gave no reason"])[-1]
+    if reason := complaint(viewer, "it gave no reason"):
         raise InputError(f"{replay} cannot be shown, as Rerun's viewer does not run here: {reason}")
 
 

@@ -7,9 +7,7 @@ policy lets it load nothing else.
 
 from __future__ import annotations
 
-import os
 import re
-import signal
 import subprocess
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,6 +19,7 @@ from typing import NamedTuple
 from urllib.error import URLError
 from urllib.request import urlopen
 
+from nathlon.policies.hosting.programs import end, start
 from nathlon.reports.es_modules import bundle
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import command_of
@@ -98,15 +97,12 @@ def _viewer_files() -> dict[str, Served]:
     """The files of the viewer that is built into the `rerun` program, by name."""
     command = command_of("rerun", "--serve-web", "--bind", LOOPBACK)
     command += ["--port", "0", "--web-viewer-port", "0"]
-    # A session of its own, as the command has a child that does the work.
-    viewer = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    viewer = start(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     try:
         said = ""
         for line in viewer.stderr or ():
-            said = line
-            found = re.search(r"Hosting a web-viewer at (http://127\.0\.0\.1:\d+)", line)
+            said = line.decode("utf-8", "replace")
+            found = re.search(r"Hosting a web-viewer at (http://127\.0\.0\.1:\d+)", said)
             if found:
                 return {
                     name: Served(kind, urlopen(f"{found[1]}/{name}", timeout=ANSWER_S).read())
@@ -116,5 +112,4 @@ def _viewer_files() -> dict[str, Served]:
     except URLError as error:
         raise InputError(f"Rerun's web viewer does not answer: {error.reason}") from None
     finally:
-        os.killpg(viewer.pid, signal.SIGKILL)
-        viewer.wait()
+        end(viewer)

@@ -100,6 +100,7 @@ EPISODES = (
     "arena/rounding.py",
     "policies/convolutions.py",
     "policies/general",
+    "policies/hosting/wire.py",
     "policies/isolation.py",
     "policies/memory_limit.py",
     "policies/mlp.py",
@@ -108,7 +109,6 @@ EPISODES = (
     "policies/sources",
     "policies/strict_json.py",
     "policies/weights.py",
-    "sim/wire.py",
 )
 """What decides, in the same way, how an episode of another world ends, beside that world's own files."""
 

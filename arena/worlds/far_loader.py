@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nathlon.arena.world import Space, WorldError
 from nathlon.arena.worlds.foreign import Interpreter
-from nathlon.policies.child import Child, ChildError
+from nathlon.policies.hosting.child import Child, ChildError, RaisedError
 from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.patience import FIRST_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
@@ -109,10 +109,10 @@ class FarLoader:
         dropped, self._dropped = self._dropped, []
         arrays = {} if observation is None else {"observation": observation}
         # The watch over the process that asks has limits that are closer.
-        told, brought = self.running.ask({**message, "dropped": dropped}, arrays, limit_s=FIRST_ANSWER_S)
-        if "raised" in told:
-            raise FarError(f"raised {told['raised']}")
-        return told, brought
+        try:
+            return self.running.ask({**message, "dropped": dropped}, arrays, limit_s=FIRST_ANSWER_S)
+        except RaisedError as error:
+            raise FarError(f"raised {error}") from None
 
     def give_up(self, process: Child, number: int) -> None:
         """A policy of a process is not needed any more."""

@@ -12,12 +12,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from nathlon.arena.world import Space, WorldError
-from nathlon.policies.child import Child, ChildError
+from nathlon.policies.hosting import wire
+from nathlon.policies.hosting.child import Child, ChildError, RaisedError
 from nathlon.policies.patience import WORLD_OPENS_S
-from nathlon.sim import wire
 
 if TYPE_CHECKING:
-    from nathlon.sim.wire import Arrays
+    from nathlon.policies.hosting.wire import Arrays
 
 HOST = Path(__file__).with_name("host.py")
 
@@ -146,13 +146,12 @@ def _asked(
         WorldError: if it does not, or what is asked for raises there; it is ended then.
     """
     try:
-        told, brought = child.ask(message, arrays, limit_s=limit_s)
+        return child.ask(message, arrays, limit_s=limit_s)
     except ChildError as error:
         raise WorldError(str(error)) from None
-    if "raised" in told:
+    except RaisedError as error:
         child.end()
-        raise WorldError(f"raised {told['raised']}")
-    return told, brought
+        raise WorldError(f"raised {error}") from None
 
 
 def _space(told: Mapping[str, Any], arrays: Arrays) -> Space:

@@ -1,9 +1,9 @@
 """The process in which another interpreter plays a world's scenario: `PYTHON host.py DESCRIPTOR WIRE`.
 
 It is run by path and needs the standard library and numpy alone, in Python 3.7 or newer. The file WIRE is
-`nathlon/sim/wire.py`. Where a loader is asked for as well, it is policies that play, see `policies_host.py`
-beside this file. Environments of PettingZoo, those in turns too, of Gymnasium and the Gym before it are
-all made to answer as a PettingZoo `ParallelEnv` does; seats go by their numbers.
+`nathlon/policies/hosting/wire.py`. Where a loader is asked for as well, it is policies that play, see
+`policies_host.py` beside this file. Environments of PettingZoo, those in turns too, of Gymnasium and the Gym
+before it are all made to answer as a PettingZoo `ParallelEnv` does; seats go by their numbers.
 """
 
 from __future__ import annotations
@@ -14,12 +14,9 @@ import inspect
 import os
 import platform
 import random
-import signal
 import sys
-import threading
 from importlib.util import module_from_spec, spec_from_file_location
 from modulefinder import ModuleFinder
-from multiprocessing.connection import Connection
 from types import ModuleType
 from typing import Any
 
@@ -264,14 +261,9 @@ def _method(environment: Any, name: str) -> Any:
 
 def main() -> None:
     """Make the environment that is asked for, and play until nobody asks any more."""
-    # Ctrl-C is for the process that asks.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    wire = _from_file(sys.argv[2], "wire")
-    descriptor = int(sys.argv[1])
-    os.set_inheritable(descriptor, False)
-    pipe = Connection(descriptor)
-    wanted, _ = wire.unpack(pipe.recv_bytes())
+    wire: Any = _from_file(sys.argv[2], "wire")
+    pipe = wire.pipe_to_parent()
+    wanted, _ = next(wire.messages(pipe))
     # This file's own folder has no modules of the environment's.
     sys.path[:] = [folder for folder in sys.path if folder != os.path.dirname(os.path.abspath(__file__))]
     sys.path.insert(0, wanted["folder"])
@@ -282,28 +274,10 @@ def main() -> None:
             host = _from_file(beside, "nathlon_policies").Policies(host.spaces, _factory(wanted["loader"]))
         answer = wire.pack(*host.described())
     except BaseException as error:
-        pipe.send_bytes(wire.pack({"raised": _said(error)}))
+        pipe.send_bytes(wire.raised(error))
         return
     pipe.send_bytes(answer)
-    while True:
-        try:
-            message, arrays = wire.unpack(pipe.recv_bytes())
-        except EOFError:
-            return
-        try:
-            answer = wire.pack(*host.answer(message, arrays))
-        # It is foreign code: whatever it raises, the user wants to know whose it is.
-        except Exception as error:
-            answer = wire.pack({"raised": _said(error)})
-        pipe.send_bytes(answer)
-
-
-def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
-    # With all that the environment has started: this process was made the first of its session.
-    if os.getpgrp() == os.getpid():
-        os.killpg(0, signal.SIGKILL)
-    os._exit(1)
+    wire.serve(pipe, host.answer)
 
 
 def _factory(name: str) -> Any:
@@ -414,10 +388,6 @@ def _version(package: str) -> str:
 
         return str(get_distribution(package).version)
     return version(package)
-
-
-def _said(error: BaseException) -> str:
-    return f"{type(error).__name__} ({error})"
 
 
 if __name__ == "__main__":

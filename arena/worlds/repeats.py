@@ -17,7 +17,7 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.world import Setup, World
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.episodes import EpisodeWorld
-from nathlon.policies.child import Child, ChildError
+from nathlon.policies.hosting.child import Child, ChildError, RaisedError
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources import RANDOM
 from nathlon.sim.errors import InputError
@@ -186,8 +186,8 @@ class Elsewhere:
         except ChildError as error:
             self._child = None
             return str(error)
-        if "raised" in told:
-            return str(told["raised"])
+        except RaisedError as error:
+            return str(error)
         return [Played(**episode) for episode in told["played"]]
 
     def close(self) -> None:

@@ -7,22 +7,17 @@ from dataclasses import asdict
 from typing import Any
 
 from nathlon.arena.worlds.repeats import play_here
-from nathlon.policies.child_host import messages, pipe_to_parent
-from nathlon.sim.wire import pack
+from nathlon.policies.hosting.wire import pipe_to_parent, serve
 
 
 def main() -> None:
     """Play what is asked for until nobody asks any more."""
-    pipe = pipe_to_parent()
-    for wanted, _ in messages(pipe):
-        sys.path[:] = wanted["path"]
-        try:
-            played = play_here(wanted["world"], wanted["scenario"])
-            answer: dict[str, Any] = {"played": [asdict(episode) for episode in played]}
-        # It is foreign code: whatever it raises, the user wants to know whose it is.
-        except Exception as error:
-            answer = {"raised": f"{type(error).__name__} ({error})"}
-        pipe.send_bytes(pack(answer))
+    serve(pipe_to_parent(), _played)
+
+
+def _played(wanted: dict[str, Any], _: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    sys.path[:] = wanted["path"]
+    return {"played": [asdict(episode) for episode in play_here(wanted["world"], wanted["scenario"])]}, {}
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def battery(
     from nathlon.arena.entrance import endings_of
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
-    from nathlon.results.summary import void_runs, voided
+    from nathlon.results.voided import void_runs, voided
     from nathlon.selection.battery import run_battery
     from nathlon.selection.nightly.night import HEALTH
     from nathlon.selection.single_run import single_run

@@ -41,7 +41,7 @@ def pareto(
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
     from nathlon.reports.tables import as_texts
-    from nathlon.results.summary import void_runs, voided
+    from nathlon.results.voided import void_runs, voided
     from nathlon.selection.nightly.night import HEALTH
     from nathlon.selection.pareto import lost_remark
     from nathlon.selection.pareto.filter import run_filter

@@ -36,7 +36,8 @@ RESULTS = ("Won", "Drawn", "Lost")
 
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
-    from nathlon.results.summary import Crossed, SetAside, Summary
+    from nathlon.results.standing import Crossed
+    from nathlon.results.summary import SetAside, Summary
     from nathlon.selection.config import Config
     from nathlon.selection.field import Exclusion
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nathlon.arena.decision import Decision
 from nathlon.results.part import ResultModel
-from nathlon.results.summary import Voided
+from nathlon.results.voided import Voided
 from nathlon.sim.names import printable
 
 VERSION = 1

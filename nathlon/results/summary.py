@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import polars as pl
 from pydantic import Field
 
-from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
 from nathlon.results.forecast import Forecast
 from nathlon.results.part import ResultModel
-from nathlon.results.ranks import written_rank
-from nathlon.results.words import STAGES, an_episode, episodes
+from nathlon.results.standing import ActionTime, Crossed, Ranked, timed_on
+from nathlon.results.voided import MostVoid, Voided, void_runs
+from nathlon.results.words import an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import read_json
 from nathlon.sim.whole_file import write_whole
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
-NAMED = 3
-"""Of those that could not be judged, in a sentence."""
 PACKAGES = ("nathlon", "numpy", "numba")
 
 
@@ -49,87 +44,6 @@ class Stage(ResultModel):
     ran: int = 0
     core_s: float = 0.0
     void: int = 0
-
-
-class Ranked(ResultModel):
-    """An entrant of the round robin: a row of the table `ranking` (`nathlon.arena.results.RANKING`) with its
-    name.
-
-    Attributes:
-        mean: points of its side, an episode that it played, with their interval; None of 4v4 races, and where
-            nobody met.
-        won, drawn, lost: shares of these episodes.
-    """
-
-    name: str
-    entrant: str
-    rank: int | None
-    points_per_race: float | None
-    points_low: float | None
-    points_high: float | None
-    contacts_per_km: float | None
-    contacts_low: float | None
-    contacts_high: float | None
-    at_fault_per_km: float | None
-    at_fault_low: float | None
-    at_fault_high: float | None
-    barred: bool
-    pairs: int
-    races: int
-    faults: int
-    mean: float | None = None
-    mean_low: float | None = None
-    mean_high: float | None = None
-    won: float | None = None
-    drawn: float | None = None
-    lost: float | None = None
-    worst_rank: int | None = None
-
-    @property
-    def written_rank(self) -> str:
-        """Every rank that is possible, as text."""
-        return written_rank(self.rank, self.worst_rank)
-
-
-class Crossed(ResultModel):
-    """A policy with a strategy, or one of them with all of the others; see STRATEGIES."""
-
-    policy: str
-    strategy: str
-    entrant: str | None
-    points: float
-    points_low: float | None
-    points_high: float | None
-    effect: float
-    effect_low: float | None
-    effect_high: float | None
-    units: int
-
-
-class ActionTime(ResultModel):
-    """What an action of an entrant costs on one machine; see `nathlon.arena.action_cost.ActionCost`.
-
-    Attributes:
-        machine: on which it was measured: name and kind of processor.
-    """
-
-    name: str
-    entrant: str
-    median_ms: float
-    p99_ms: float
-    actions: int
-    model_bytes: int | None
-    machine: str
-
-    @property
-    def written(self) -> str:
-        """Median and 99th percentile, ms."""
-        return f"{self.median_ms:.3f} / {self.p99_ms:.3f}"
-
-    @property
-    def model_mb(self) -> float | None:
-        """Size of its files, MB."""
-        return None if self.model_bytes is None else round(self.model_bytes / 1e6, 2)
 
 
 class Sent(ResultModel):
@@ -209,27 +123,6 @@ class SetAside(ResultModel):
     source: str
     reason: str
     digest: str | None = None
-
-
-class Voided(ResultModel):
-    """An entrant that could not be judged in a stage; see `nathlon.arena.voids.NotJudged`."""
-
-    name: str
-    entrant: str
-    stage: str
-    test: str
-    void: int
-    runs: int
-    unit: str = "run"
-
-
-class MostVoid(ResultModel):
-    """Who has by far the greatest share of void races: how many of those that it had."""
-
-    name: str
-    entrant: str
-    void: int
-    races: int
 
 
 class SkillScene(ResultModel):
@@ -378,50 +271,6 @@ class Summary(ResultModel):
     def episodes(self) -> str:
         """Several of them."""
         return episodes(self.episode)
-
-
-def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
-    """A sentence on how many car runs are void, and who could not be judged for them; '' where none are."""
-    if not void:
-        return ""
-    counted = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
-    if not not_judged:
-        return f"{counted}."
-    first = [
-        f"{one.name} ({one.void:,} of {one.runs:,} {one.unit}{'' if one.runs == 1 else 's'} in the "
-        f"{STAGES[one.stage]})"
-        for one in not_judged
-    ]
-    more = len(first) - NAMED
-    shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
-    return f"{counted}; could not be judged: {', '.join(shown)}."
-
-
-def timed_on(times: Sequence[ActionTime]) -> str:
-    """A sentence on how actions were timed, and where; '' where none was."""
-    if not times:
-        return ""
-    machines = ", ".join(dict.fromkeys(one.machine for one in times))
-    counted = sorted({one.actions for one in times})
-    actions = f"{counted[0]:,}" if len(counted) == 1 else f"{counted[0]:,} to {counted[-1]:,}"
-    return (
-        f"Median and 99th percentile of {actions} actions of one seat, on one thread of {machines}; "
-        "model: the policy's files."
-    )
-
-
-def ranked(
-    ranking: pl.DataFrame, names: Mapping[str, str], records: pl.DataFrame | None = None
-) -> tuple[Ranked, ...]:
-    """The rows of RANKING with those of RECORDS, given the names of the entrants by their ids."""
-    if records is not None:
-        ranking = ranking.join(records, on="entrant", how="left", maintain_order="left")
-    return tuple(Ranked(name=names[row["entrant"]], **row) for row in ranking.to_dicts())
-
-
-def voided(not_judged: Iterable[NotJudged], names: Mapping[str, str]) -> tuple[Voided, ...]:
-    """Who could not be judged, given the names of the entrants by their ids."""
-    return tuple(Voided(name=names[one.entrant], **asdict(one)) for one in not_judged)
 
 
 def write_summary(path: Path, summary: Summary) -> None:

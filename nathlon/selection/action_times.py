@@ -10,7 +10,7 @@ from typing import Any
 
 from nathlon.arena.action_cost import action_costs, costed, machine
 from nathlon.arena.entrant import Entrant
-from nathlon.results.summary import ActionTime
+from nathlon.results.standing import ActionTime
 from nathlon.selection.run import TIMES, Run
 from nathlon.sim.errors import InputError
 

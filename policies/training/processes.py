@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses, obey_parent, starting_processes
+from nathlon.policies.hosting.spawned import FreshProcesses, obey_parent, starting_processes
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:

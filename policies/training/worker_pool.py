@@ -10,8 +10,8 @@ from typing import Protocol
 
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses, obey_parent
-from nathlon.policies.incoming import Incoming, UnreadableError
+from nathlon.policies.hosting.incoming import UnreadableError
+from nathlon.policies.hosting.spawned import FreshProcesses, Spawned, obey_parent
 from nathlon.policies.patience import LOOK_S
 from nathlon.policies.training.worker import Gathered, News, RolloutWorker, WorkerSetup
 from nathlon.sim.errors import InputError
@@ -73,19 +73,10 @@ class ProcessWorkers:
 
     def __init__(self, setup: WorkerSetup) -> None:
         """Start the processes, as many as the configuration says."""
-        context = FreshProcesses()
-        self._pipes: list[Connection] = []
-        self._incoming: list[Incoming] = []
-        self._processes = []
-        for stream in setup.seed.spawn(setup.config.workers):
-            here, there = context.Pipe()
-            arguments = (there, setup._replace(seed=stream))
-            process = context.Process(target=_serve, args=arguments, daemon=True)
-            process.start()
-            there.close()
-            self._pipes.append(here)
-            self._incoming.append(Incoming(here, process.pid))
-            self._processes.append(process)
+        self._workers = [
+            Spawned(FreshProcesses(), _serve, setup._replace(seed=stream))
+            for stream in setup.seed.spawn(setup.config.workers)
+        ]
         # Sent by a thread: a worker that waits until its own message is read takes in none.
         self._sender = ThreadPoolExecutor(1)
         self._news: dict[int, News] = {}
@@ -94,20 +85,19 @@ class ProcessWorkers:
                 self._ask(index)
 
     def _ask(self, index: int) -> None:
-        self._sender.submit(self._pipes[index].send, self._news.pop(index, None))
+        self._sender.submit(self._workers[index].pipe.send, self._news.pop(index, None))
 
     def _ended(self, index: int) -> InputError:
-        self._processes[index].join(1.0)
-        return InputError(
-            f"training: rollout worker {index + 1} ended with exit code {self._processes[index].exitcode}"
-        )
+        process = self._workers[index].process
+        process.join(1.0)
+        return InputError(f"training: rollout worker {index + 1} ended with exit code {process.exitcode}")
 
     def take(self, wait_for_one: bool) -> Take:
         taken: Take = []
         while True:
-            for index, incoming in enumerate(self._incoming):
+            for index, worker in enumerate(self._workers):
                 try:
-                    for message in islice(incoming.messages(), 1):
+                    for message in islice(worker.incoming.messages(), 1):
                         if isinstance(message, InputError):
                             raise message
                         taken.append((index, message))
@@ -120,19 +110,17 @@ class ProcessWorkers:
                     ) from error
             if taken or not wait_for_one:
                 return taken
-            wait(self._pipes, LOOK_S)
+            wait([worker.pipe for worker in self._workers], LOOK_S)
 
     def tell(self, news: News) -> None:
-        self._news = dict.fromkeys(range(len(self._pipes)), news)
+        self._news = dict.fromkeys(range(len(self._workers)), news)
 
     def close(self) -> None:
-        for process in self._processes:
-            process.kill()  # foreign code in it may ignore SIGTERM
-        for process in self._processes:
-            process.join()
+        for worker in self._workers:
+            worker.kill()
         self._sender.shutdown()  # what was to be sent to the ended fails
-        for pipe in self._pipes:
-            pipe.close()
+        for worker in self._workers:
+            worker.pipe.close()
 
 
 def _serve(pipe: Connection, setup: WorkerSetup) -> None:

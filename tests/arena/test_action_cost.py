@@ -12,7 +12,7 @@ from nathlon.arena.decision import Decision
 from nathlon.arena.entrant import Entrant
 from nathlon.judge.gate.action_time import action_finding
 from nathlon.judge.gate.series import RunPair
-from nathlon.results.summary import ActionTime
+from nathlon.results.standing import ActionTime
 from nathlon.selection.config import Config
 from nathlon.selection.gate_settings import GateSettings
 from nathlon.sim.errors import InputError

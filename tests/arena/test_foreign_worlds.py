@@ -19,8 +19,8 @@ from nathlon.arena.results import RESULTS
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import PettingZooWorld
 from nathlon.arena.worlds.foreign import HOST
-from nathlon.sim import wire
-from nathlon.sim.wire import pack, unpack
+from nathlon.policies.hosting import wire
+from nathlon.policies.hosting.wire import pack, unpack
 from tests.arena.test_worlds import play, policies_of
 from tests.support.games import player, refused, world_of
 

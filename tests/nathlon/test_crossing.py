@@ -16,7 +16,7 @@ from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.commands.selection import _print_strategies
 from nathlon.policies.sources.identity import policy_id
-from nathlon.results.summary import Crossed
+from nathlon.results.standing import Crossed
 from nathlon.selection.crossing import cells
 from nathlon.selection.round_robin import TournamentSettings, run_round_robin
 from nathlon.selection.run import Run

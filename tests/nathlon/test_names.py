@@ -30,7 +30,8 @@ from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.tables import as_texts, write_tables
 from nathlon.reports.video import pictures
 from nathlon.results.selection import Selection
-from nathlon.results.summary import Sent, ranked
+from nathlon.results.standing import ranked
+from nathlon.results.summary import Sent
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import LONGEST, as_named, file_stem, printable, proper_name, written

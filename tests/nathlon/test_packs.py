@@ -23,7 +23,8 @@ from nathlon.lab.pack import packing
 from nathlon.lab.pack.packing import pack_run
 from nathlon.lab.pack.verifying import Verification, verify_pack
 from nathlon.policies.sources.identity import policy_id
-from nathlon.results.summary import SetAside, ranked, read_summary, write_summary
+from nathlon.results.standing import ranked
+from nathlon.results.summary import SetAside, read_summary, write_summary
 from nathlon.selection import run as run_module
 from nathlon.selection.run import Run
 from nathlon.sim.errors import InputError

@@ -13,10 +13,10 @@ from openpyxl import load_workbook
 import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
+from nathlon.selection.answers import ALIKE, remarks
 from nathlon.selection.config import read_config
 from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.night import nightly
-from nathlon.selection.pipeline import ALIKE, remarks
 from tests.support.command_line import nathlon as command
 from tests.support.games import player, refused, world_of
 

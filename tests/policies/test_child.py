@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from nathlon.policies.child import MOST_BYTES, Child, ChildError
+from nathlon.policies.hosting.child import MOST_BYTES, Child, ChildError
 
 SAYS = """
 import os, struct, sys, time

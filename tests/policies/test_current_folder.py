@@ -16,7 +16,7 @@ import sys
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
 from nathlon.policies.apart import PolicyApart
-from nathlon.policies.child_processes import FreshProcesses
+from nathlon.policies.hosting.spawned import FreshProcesses
 
 if __name__ == "__main__":
     with Pool(1) as pool:

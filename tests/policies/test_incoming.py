@@ -12,7 +12,7 @@ from multiprocessing.reduction import ForkingPickler
 
 import pytest
 
-from nathlon.policies.incoming import Incoming, UnreadableError
+from nathlon.policies.hosting.incoming import Incoming, UnreadableError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pipes of Windows give whole messages")
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from nathlon.arena.decision import Decision
 from nathlon.judge.gate.series import RunPair
 from nathlon.results.gate import GateFinding
-from nathlon.results.summary import ActionTime
+from nathlon.results.standing import ActionTime
 
 FEWEST = 100
 """Actions without which nothing is known of one in a hundred."""

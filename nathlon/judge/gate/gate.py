@@ -30,7 +30,9 @@ from nathlon.judge.gate.questions import (
 )
 from nathlon.judge.gate.series import Lost, RunPair, Series, race_series, trial_series
 from nathlon.results.gate import Gated, GateFinding, GateReport
-from nathlon.results.summary import ActionTime, versions, voided
+from nathlon.results.standing import ActionTime
+from nathlon.results.summary import versions
+from nathlon.results.voided import voided
 from nathlon.selection.action_times import time_actions
 from nathlon.selection.battery import marking_matches
 from nathlon.selection.battery.measures import measured

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
 import threading
 import webbrowser
 from pathlib import Path
 
 from nathlon.arena.race_log import start_number
 from nathlon.lab.drive.keeping import Kept
+from nathlon.policies.hosting.programs import complaint
 from nathlon.sim.process import command_of
 from nathlon.terminal import warn
 
@@ -41,9 +41,7 @@ class CoachAfterwards:
         out = self._folder / recording.stem
         # The next race may be under way, which must not wait for this one's numbers.
         command = command_of("nathlon.cli", "coach", recording, "--car", start_number(car), "--out", out)
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode == 0:
-            webbrowser.open((out / "index.html").absolute().as_uri())
+        if said := complaint(command, "the coach has failed"):
+            warn(f"Not coached: {said}")
         else:
-            said = done.stderr.strip().splitlines()
-            warn(f"Not coached: {said[-1] if said else 'the coach has failed'}")
+            webbrowser.open((out / "index.html").absolute().as_uri())

@@ -6,7 +6,8 @@ import hashlib
 from pathlib import Path
 
 from nathlon.results.part import ResultModel
-from nathlon.results.summary import Ranked, Sent
+from nathlon.results.standing import Ranked
+from nathlon.results.summary import Sent
 
 PICTURE = "report/ranking.png"
 """The ranking as a picture, in the folder of the night."""

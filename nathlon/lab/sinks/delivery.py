@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
+from nathlon.policies.hosting.programs import end, start
 from nathlon.results.part import ResultModel
 from nathlon.sim.process import command_of
 
@@ -58,21 +57,18 @@ def deliver(told: ResultModel, sinks: Mapping[str, str]) -> tuple[Delivery, ...]
 
 @contextmanager
 def _process(sink: str) -> Iterator[subprocess.Popen[bytes]]:
-    # What a library complains of may hold a secret. In a session of its own, all that it starts ends with it.
-    process = subprocess.Popen(
+    # What a library complains of may hold a secret.
+    process = start(
         command_of("nathlon.lab.sinks", sink),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,
     )
     try:
         yield process
     finally:
         if process.poll() is None:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+            end(process)
 
 
 def _answer(sink: str, process: subprocess.Popen[bytes], job: list[Any]) -> Delivery:

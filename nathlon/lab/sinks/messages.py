@@ -6,7 +6,7 @@ from typing import Any
 
 from nathlon.lab.sinks.bulletin import Bulletin
 from nathlon.reports.gate import escaped
-from nathlon.results.summary import Ranked
+from nathlon.results.standing import Ranked
 
 HEADER, BLOCK = 150, 2900
 """Letters that Slack takes in a heading and in a section, less than its limits."""

@@ -46,6 +46,11 @@ class CommitteeDecision:
         return self.opened.decision
 
     @property
+    def chosen(self) -> tuple[str, ...]:
+        """Ids of those that were chosen, none while the question is open."""
+        return () if self.result is None else self.result.chosen
+
+    @property
     def waits_for(self) -> int:
         """How many people of the quorum have not voted."""
         voted = sum(member in self.said for member in self.opened.settings.members)

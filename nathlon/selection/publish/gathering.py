@@ -10,7 +10,8 @@ import polars as pl
 from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
 from nathlon.results.selection import Previous, Selection
-from nathlon.results.summary import Summary, ranked, versions
+from nathlon.results.standing import ranked
+from nathlon.results.summary import Summary, versions
 from nathlon.results.words import stage_called
 from nathlon.selection.committee.decision import describe
 from nathlon.selection.committee.event_log import EventLog

@@ -1,16 +1,20 @@
-"""What processes begin with that this one starts, and how they end."""
+"""Processes of `multiprocessing`: what they begin with, the pipe to one, and how they end."""
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
-from threading import Thread
 from types import ModuleType
+from typing import Any
+
+from nathlon.policies.hosting.incoming import Incoming
+from nathlon.policies.hosting.programs import end_group
+from nathlon.policies.hosting.wire import end_after
+from nathlon.policies.patience import FIRST_ANSWER_S
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that are 1 there."""
@@ -50,19 +54,9 @@ def forget_safe_path() -> None:
 
 def obey_parent() -> None:
     """In a process of multiprocessing: leave Ctrl-C to the one that started it, and end with that one."""
-    # Ctrl-C reaches the whole group; the process that started this one decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
     parent = parent_process()
-    if parent is None:
-        return
-    parent.join()
-    if os.name == "posix" and os.getpgrp() == os.getpid():
-        os.killpg(0, signal.SIGKILL)  # with all that it has started
-    os._exit(1)
+    if parent is not None:
+        end_after(parent.join)
 
 
 class FreshProcess(SpawnProcess):
@@ -81,3 +75,36 @@ class FreshProcesses(SpawnContext):
     """What makes such processes, whoever asks for them, and whenever."""
 
     Process = FreshProcess
+
+
+class Spawned:
+    """A process of multiprocessing that does something for this one, and the pipe to it.
+
+    Attributes:
+        process: the process.
+        pipe: this one's end of the pipe.
+        incoming: what comes through it.
+    """
+
+    def __init__(
+        self, context: Any, serve: Callable[..., None], *arguments: object, limit_s: float = FIRST_ANSWER_S
+    ) -> None:
+        """Start a process.
+
+        Args:
+            context: of multiprocessing.
+            serve: called there with the other end of the pipe and the arguments.
+            limit_s: time for the rest of a message that has begun.
+        """
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=serve, args=(theirs, *arguments), daemon=True)
+        with starting_processes():
+            self.process.start()
+        theirs.close()
+        self.incoming = Incoming(self.pipe, self.process.pid, limit_s)
+
+    def kill(self) -> None:
+        """End it at once, with all that it has started; what it has sent can still be read."""
+        end_group(self.process.pid)
+        self.process.kill()  # it may have no group of its own, or not yet
+        self.process.join()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -12,15 +11,16 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from nathlon.policies.child_processes import BLAS_THREADS
-from nathlon.policies.incoming import CHUNK_BYTES, SIZE
+from nathlon.policies.hosting.incoming import CHUNK_BYTES, SIZE
+from nathlon.policies.hosting.programs import end, start
+from nathlon.policies.hosting.spawned import BLAS_THREADS
+from nathlon.policies.hosting.wire import pack, unpack
 from nathlon.policies.patience import LOOK_S, Waiting
-from nathlon.sim.wire import pack, unpack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from nathlon.sim.wire import Arrays
+    from nathlon.policies.hosting.wire import Arrays
 
 
 MOST_BYTES = 1 << 28
@@ -35,8 +35,14 @@ class LateError(ChildError):
     """It has not answered in time."""
 
 
+class RaisedError(Exception):
+    """What it was asked for raised there, which this says; it still answers."""
+
+
 class Child:
     """A process that answers messages; it ends with this object or with this process, and so do its own.
+
+    See `nathlon.policies.hosting.wire` for its end.
 
     What it prints goes to this process's stderr.
 
@@ -58,13 +64,12 @@ class Child:
         # Not a process of multiprocessing: those of daemons may have none, and some would start the
         # user's script once more.
         try:
-            self.process = subprocess.Popen(
+            self.process = start(
                 [word.replace("{pipe}", str(theirs.fileno())) for word in command],
                 stdin=subprocess.PIPE,  # is closed with this process, however that ends
                 stdout=sys.__stderr__,
                 env={**os.environ, **dict.fromkeys(BLAS_THREADS, "1"), **environment},
                 pass_fds=[theirs.fileno()],
-                start_new_session=True,  # so that its own processes can be ended with it
             )
         finally:
             theirs.close()
@@ -73,10 +78,11 @@ class Child:
     def ask(
         self, message: dict[str, Any], arrays: Arrays | None = None, *, limit_s: float
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What it answers to a message with arrays; see `nathlon.sim.wire`.
+        """What it answers to a message with arrays.
 
         Raises:
             ChildError: if it does not answer in time, ends, or answers with something else. It is ended then.
+            RaisedError: see there.
         """
         self._socket.settimeout(min(LOOK_S, limit_s))
         waiting, packed = Waiting(self.process.pid), pack(message, arrays)
@@ -85,11 +91,14 @@ class Child:
             [size] = SIZE.unpack(self._read(SIZE.size, waiting, limit_s))
             if not 0 <= size <= MOST_BYTES:
                 raise self.failed(f"answers with a message of more than {MOST_BYTES} bytes")
-            return unpack(self._read(size, waiting, limit_s))
+            answer, brought = unpack(self._read(size, waiting, limit_s))
         except (EOFError, OSError):
             raise self.failed("ended its process") from None
         except ValueError as error:
             raise self.failed(f"answers with no message ({error})") from None
+        if "raised" in answer:
+            raise RaisedError(str(answer["raised"]))
+        return answer, brought
 
     def _send(self, content: bytes, waiting: Waiting, limit_s: float) -> None:
         left = memoryview(content)
@@ -125,9 +134,7 @@ class Child:
 
 
 def _end(process: subprocess.Popen[bytes], pipe: socket.socket) -> None:
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    end(process)
     assert process.stdin is not None
     process.stdin.close()
     pipe.close()
