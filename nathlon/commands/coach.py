@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.options import AsJson, Out, Recording
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.terminal import print_json, say, warn
 
 
@@ -31,12 +31,9 @@ def coach(
 
     Every advice has been driven again with the edit and gains; what does not is not given.
     """
-    from nathlon.arena.workers import start_server
+    with at_work("Nothing was written."):
+        import nathlon
 
-    start_server()
-    import nathlon
-
-    with stoppable("Nothing was written."):
         result = nathlon.coach(
             recording, car=car, against=against, out=out, phrase=phrase, progress=not as_json
         )

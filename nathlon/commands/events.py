@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed, Workers
+from nathlon.commands.selection import at_work
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -44,11 +45,9 @@ def endurance(
 ) -> None:
     """Run a race by the clock, for 24 hours if you like; it goes on where it was stopped."""
     check_given(entrants)
-    _start()
-    import nathlon
-    from nathlon.commands.selection import stoppable
+    with at_work(GOES_ON):
+        import nathlon
 
-    with stoppable(GOES_ON):
         result = nathlon.endurance(
             entrants,
             circuit=circuit,
@@ -81,11 +80,9 @@ def weekend(
 ) -> None:
     """Run practice, qualifying and a race; it goes on where it was stopped."""
     check_given(entrants)
-    _start()
-    import nathlon
-    from nathlon.commands.selection import stoppable
+    with at_work(GOES_ON):
+        import nathlon
 
-    with stoppable(GOES_ON):
         result = nathlon.weekend(
             entrants,
             circuit=circuit,
@@ -120,11 +117,9 @@ def season(
 ) -> None:
     """Run weekends on several circuits, and add their points up; it goes on where it was stopped."""
     check_given(entrants)
-    _start()
-    import nathlon
-    from nathlon.commands.selection import stoppable
+    with at_work(GOES_ON):
+        import nathlon
 
-    with stoppable(GOES_ON):
         result = nathlon.season(
             entrants,
             circuits=circuits.split(","),
@@ -154,12 +149,6 @@ def _options(
         "workers": workers,
         "progress": not as_json,
     }
-
-
-def _start() -> None:
-    from nathlon.arena.workers import start_server
-
-    start_server()
 
 
 def _print_race(title: str, results: pl.DataFrame) -> None:

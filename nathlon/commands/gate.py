@@ -18,7 +18,7 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say, warn
@@ -48,13 +48,10 @@ def gate(
     judged, as most of its runs are void. 4: the budget was too small to tell.
     """
     check_given(on_this_machine([*checkpoints, champion]))
-    from nathlon.arena.workers import start_server
+    with at_work(f"The same command goes on from {out / 'store.sqlite'}."):
+        import nathlon
+        from nathlon.reports.gate import cells
 
-    start_server()
-    import nathlon
-    from nathlon.reports.gate import cells
-
-    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.gate(
             checkpoints,
             champion,

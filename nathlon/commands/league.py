@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nathlon.commands.options import AsJson, Out, Workers
-from nathlon.commands.selection import print_places, print_verdict, stoppable
+from nathlon.commands.selection import at_work, print_places, print_verdict
 from nathlon.results.words import figure
 from nathlon.sim.extras import need
 from nathlon.terminal import new_table, print_json, print_table, say, warn
@@ -28,12 +28,9 @@ def league(
     The same command goes on after Ctrl-C, and with more generations from the last one.
     """
     need("torch", "train", "a league")
-    from nathlon.arena.workers import start_server
+    with at_work("The same command goes on."):
+        from nathlon import league as run_league
 
-    start_server()
-    from nathlon import league as run_league
-
-    with stoppable("The same command goes on."):
         result = run_league(config, out, workers=workers, progress=not as_json)
     generations = [made.model_dump(mode="json") for made in result.generations]
     if as_json:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, LoaderName, Out, Workers, WorldName
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -38,12 +38,9 @@ def matrix(
 
     Exit code 0: done. 3: a cell could not be judged, as most of its runs are void.
     """
-    from nathlon.arena.workers import start_server
+    with at_work(f"The same command goes on from {out / 'store.sqlite'}."):
+        import nathlon
 
-    start_server()
-    import nathlon
-
-    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.matrix(
             policy,
             out,

@@ -18,7 +18,7 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -48,13 +48,10 @@ def recipes(
     from nathlon.judge.recipes.grouping import recipe_folders
 
     recipe_folders(folders)
-    from nathlon.arena.workers import start_server
+    with at_work(f"The same command goes on from {out / 'store.sqlite'}."):
+        import nathlon
+        from nathlon.results.recipes import exit_code
 
-    start_server()
-    import nathlon
-    from nathlon.results.recipes import exit_code
-
-    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.recipes(
             folders,
             out,

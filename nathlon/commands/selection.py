@@ -130,13 +130,10 @@ def _select(
 
     Exits with 3 where somebody could not be judged.
     """
-    from nathlon.arena.workers import start_server
+    with at_work(f"The same command goes on from {store or out / 'store.sqlite'}."):
+        from nathlon import select
+        from nathlon.selection.nightly.night import HEALTH
 
-    start_server()
-    from nathlon import select
-    from nathlon.selection.nightly.night import HEALTH
-
-    with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(
             checkpoints,
             out,
@@ -209,6 +206,16 @@ def report(
     else:
         print_verdict(selection.summary)
         print_places(SelectionResult(output.root, selection))
+
+
+@contextmanager
+def at_work(how_to_go_on: str) -> Iterator[None]:
+    """While workers are needed, which begin to load while this process does; otherwise as `stoppable`."""
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    with stoppable(how_to_go_on):
+        yield
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed, Workers
+from nathlon.commands.selection import at_work
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -31,13 +32,9 @@ def stints(
 ) -> None:
     """Find out when a policy should stop for tyres and fuel, and write the plans as entrants."""
     check_given([policy])
-    from nathlon.arena.workers import start_server
-    from nathlon.commands.selection import stoppable
+    with at_work("Practice begins anew the next time."):
+        import nathlon
 
-    start_server()
-    import nathlon
-
-    with stoppable("Practice begins anew the next time."):
         result = nathlon.stints(
             policy,
             scenario=scenario,

@@ -10,7 +10,7 @@ import typer
 
 from nathlon.commands.incident import named_policy
 from nathlon.commands.options import AsJson, Out, Recording
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.terminal import print_json, say
 
 
@@ -42,12 +42,9 @@ def twin(
 
     The policy takes over at --at without memory of what was before; until then both races are the same.
     """
-    from nathlon.arena.workers import start_server
+    with at_work("Nothing was written."):
+        import nathlon
 
-    start_server()
-    import nathlon
-
-    with stoppable("Nothing was written."):
         result = nathlon.twin(
             recording,
             other,

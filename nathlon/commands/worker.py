@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.options import AsJson, StoreName, Workers
-from nathlon.commands.selection import stoppable
+from nathlon.commands.selection import at_work
 from nathlon.terminal import tell
 
 
@@ -25,11 +25,8 @@ def worker(
 
     Selections put them there: nathlon nightly and nathlon evaluate --store. It may join late, and be stopped.
     """
-    from nathlon.arena.workers import start_server
+    with at_work("Its matches are free for others."):
+        from nathlon.api.worker import work
 
-    start_server()
-    from nathlon.api.worker import work
-
-    with stoppable("Its matches are free for others."):
         shift = work(store, workers=workers, worlds=world or (), wait_s=wait, progress=not as_json)
     tell({"matches": shift.matches, "refused": shift.refused}, as_json)
