@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import threading
+from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
 from types import TracebackType
@@ -34,7 +35,8 @@ def owner_name(process: int | None = None) -> str:
     return f"{PLACE}/{process}/{start_of(process)}/{next(_numbers)}"
 
 
-class AtWork(NamedTuple):
+@dataclass(frozen=True)
+class AtWork:
     """Who runs matches of a store.
 
     Attributes:

@@ -21,9 +21,9 @@ from nathlon.reports.picture import ranking_picture
 from nathlon.reports.verdict import Verdict, verdict
 from nathlon.results.ranks import written_rank
 from nathlon.results.selection import Selection
-from nathlon.results.summary import Summary
+from nathlon.results.summary import SetAside, Summary
 from nathlon.selection.config import Config, SectionT, read_config
-from nathlon.selection.field import EntryList, Exclusion
+from nathlon.selection.field import EntryList
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
 from nathlon.selection.single_selection import OnVerdict, single_selection
@@ -243,7 +243,7 @@ def entered(
     config = at_home(pool, found.sources, config)
     where = config.circuit, config.car, config.world
     entrants, refused = enter_found(pool, found, *where, on_opened)
-    excluded = tuple(Exclusion(printable(source), str(why), None) for source, why in refused.items())
+    excluded = tuple(SetAside(printable(source), str(why), None) for source, why in refused.items())
     return EntryList(tuple(entrants), excluded=excluded), config
 
 

@@ -164,7 +164,7 @@ def status(
     for night in nights:
         del night["config"]
     if as_json:
-        print_json({"runs": nights, "workers": [one._asdict() for one in workers], "disagreements": faults})
+        print_json({"runs": nights, "workers": list(map(asdict, workers)), "disagreements": faults})
         return
     heads = ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome")
     table = new_table(None, heads, words=heads)

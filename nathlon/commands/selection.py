@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from nathlon.results.standing import Crossed
     from nathlon.results.summary import SetAside, Summary
     from nathlon.selection.config import Config
-    from nathlon.selection.field import Exclusion
 
 
 def demo(
@@ -246,7 +245,7 @@ def print_verdict(summary: Summary) -> None:
         say(f"Note         {sentence}")
 
 
-def say_set_aside(excluded: Iterable[SetAside | Exclusion]) -> None:
+def say_set_aside(excluded: Iterable[SetAside]) -> None:
     """Print what of the folders did not take part, and why."""
     for item in excluded:
         say(f"Set aside    {item.reason}")

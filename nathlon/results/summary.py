@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -117,15 +118,26 @@ class TestMarks(ResultModel):
     stretch_m: tuple[float, float] | None = None
 
 
-class SetAside(ResultModel):
-    """A file or plugin that was set aside, and why; see `nathlon.selection.field.Exclusion`."""
+@dataclass(frozen=True)
+class SetAside:
+    """A file or plugin that was set aside, and why.
+
+    Attributes:
+        digest: its id as far as it can be known without opening it; None where it cannot be read.
+    """
 
     source: str
     reason: str
     digest: str | None = None
 
+    @property
+    def key(self) -> str:
+        """By which it is known again as long as it has not changed."""
+        return self.digest or self.source
 
-class SkillScene(ResultModel):
+
+@dataclass(frozen=True)
+class Clip:
     """A part of a race, s since its start; the car to follow, and why one should look at it."""
 
     start_s: float
@@ -154,7 +166,7 @@ class Replay(ResultModel):
     recording: str | None = None
     player: str | None = None
     replay: str | None = None
-    clips: tuple[SkillScene, ...] = ()
+    clips: tuple[Clip, ...] = ()
     missing: str | None = None
     video: str | None = None
     seats: dict[str, str] = Field(default_factory=dict)

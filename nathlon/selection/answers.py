@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import polars as pl
 
@@ -113,7 +113,7 @@ def summarise(run: Run, field: EntryList, config: Config, answers: Answers) -> S
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(answers.not_judged, names),
         most_void=most_voided(results, names),
-        excluded=tuple(SetAside(**asdict(item)) for item in field.without(run.gone).excluded),
+        excluded=field.without(run.gone).excluded,
         gone=tuple(
             SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in answers.gone
         ),

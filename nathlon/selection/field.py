@@ -7,27 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from nathlon.arena.entrant import Entrant
+from nathlon.results.summary import SetAside
 from nathlon.sim.names import printable
 
 GONE = "is gone, has changed or cannot be opened any more since the selection began, so it was not judged"
-
-
-@dataclass(frozen=True)
-class Exclusion:
-    """A file or plugin that is set aside, and why.
-
-    Attributes:
-        digest: its id as far as it can be known without opening it; None where it cannot be read.
-    """
-
-    source: str
-    reason: str
-    digest: str | None
-
-    @property
-    def key(self) -> str:
-        """By which it is known again as long as it has not changed."""
-        return self.digest or self.source
 
 
 @dataclass(frozen=True)
@@ -45,7 +28,7 @@ class EntryList:
     newcomers: tuple[Entrant, ...]
     incumbents: tuple[Entrant, ...] = ()
     anchors: tuple[Entrant, ...] = ()
-    excluded: tuple[Exclusion, ...] = ()
+    excluded: tuple[SetAside, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -60,7 +43,7 @@ class EntryList:
             tuple(entrant for entrant in group if entrant.id not in gone)
             for group in (self.newcomers, self.incumbents, self.anchors)
         )
-        excluded = (Exclusion(printable(each.source), GONE, each.id) for each in gone.values())
+        excluded = (SetAside(printable(each.source), GONE, each.id) for each in gone.values())
         return EntryList(newcomers, incumbents, anchors, (*self.excluded, *excluded), self.notes)
 
     @classmethod
@@ -73,5 +56,5 @@ class EntryList:
             )
             for name in ("newcomers", "incumbents", "anchors")
         }
-        excluded = tuple(Exclusion(**item) for item in stored["excluded"])
+        excluded = tuple(SetAside(**item) for item in stored["excluded"])
         return cls(**groups, excluded=excluded, notes=tuple(stored.get("notes", ())))

@@ -192,11 +192,6 @@ class QRSAC:
         """Updates so far."""
         return self._made
 
-    @property
-    def finite(self) -> bool:
-        """Whether all parameters and moments are finite numbers."""
-        return all(bool(tensor.isfinite().all()) for tensor in self._state)
-
     def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
         """Actions (n, a) of the present policy drawn from the learner's generator, or of the mean policy."""
         return self.drive(observations, np.zeros((len(observations), 0), np.float32), stochastic)[0]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from nathlon.arena.passes import Pass, passes
 from nathlon.arena.race_log import RaceLog
-from nathlon.selection.publish.clips import Clip, clips
+from nathlon.results.summary import Clip
+from nathlon.selection.publish.clips import clips
 from tests.support.race_logs import LAP_M, STRAIGHT_M, oval_point, oval_race
 
 TIME_S = np.arange(600) / 10.0

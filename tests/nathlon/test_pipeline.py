@@ -14,6 +14,7 @@ import pytest
 from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool, run_matches
 from nathlon.arena.recording import read_recording
+from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Store
 from nathlon.arena.world_registry import load_world
 from nathlon.results.summary import Sent, Summary, read_summary
@@ -23,7 +24,7 @@ from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
 from nathlon.selection.field import EntryList
 from nathlon.selection.pareto.filter import FilterPlan, FilterSettings
-from nathlon.selection.publish.decider import deciding_race
+from nathlon.selection.publish.decider import notable_races
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import TournamentSettings, tournament_matches
 from nathlon.selection.single_selection import single_selection
@@ -203,8 +204,8 @@ def test_stages_have_fresh_seeds_and_entrants_share_them(entrants: list[Entrant]
     assert not filter_seeds & {race.seed for match in skills.values() for race in match.races}
 
 
-def test_there_is_no_deciding_race_without_two(entrants: list[Entrant]) -> None:
+def test_there_is_no_deciding_race_without_two() -> None:
     with pytest.raises(InputError):
         only_once([])
-    empty = pl.DataFrame({"entrant": ["alone"]})
-    assert deciding_race(pl.DataFrame(), empty) is None
+    alone = pl.DataFrame({"entrant": ["alone"]})
+    assert notable_races(pl.DataFrame(schema=RESULTS), alone) == []

@@ -21,7 +21,7 @@ from nathlon.arena.runner import run_match
 from nathlon.arena.store import Finished, Store
 from nathlon.commands.replay import replay
 from nathlon.reports.cars import car_index
-from nathlon.selection.publish.decider import Notable, deciding_race, notable_races
+from nathlon.selection.publish.decider import Notable, notable_races
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.publish.recordings import record_tournament
 from nathlon.selection.publish.replays import record_replays, record_stored_race
@@ -102,7 +102,6 @@ def test_the_races_that_stand_out_are_found() -> None:
         )
     )
     found = notable_races(results, ranking("a", "b", "c"))
-    assert deciding_race(results, ranking("a", "b", "c")) == ("m", 2)
     assert found == [
         Notable("m", 2, "the closest race that the first of the ranking won against the second: 1 point"),
         Notable("m", 1, "the clearest race between the first two of the ranking: 8 points"),

@@ -11,7 +11,7 @@ import pytest
 
 import nathlon.commands.watch as command
 from nathlon.arena.store import Store
-from nathlon.selection.field import Exclusion
+from nathlon.results.summary import SetAside
 from nathlon.selection.nightly.night import HEALTH, NIGHT, OK, Night
 from nathlon.selection.nightly.promise import SETTLED_S, Promising, promise_of_runs
 from nathlon.selection.run import DONE
@@ -94,7 +94,7 @@ def test_trouble_that_comes_later_ends_nothing_and_ctrl_c_loses_no_night(
     (tmp_path / "nathlon.toml").write_text("")
     Store(tmp_path / "nathlon.sqlite").close()
     quiet = Night(None, DONE, OK, "Nothing is new.", None)
-    told = Night(None, DONE, HEALTH, "All was set aside.", None, (Exclusion("a.onnx", "is empty", None),))
+    told = Night(None, DONE, HEALTH, "All was set aside.", None, (SetAside("a.onnx", "is empty", None),))
     away = InputError("checkpoints: no such file or folder")
     looks: list[Night | InputError | KeyboardInterrupt] = [quiet, away, away, told, away, KeyboardInterrupt()]
 

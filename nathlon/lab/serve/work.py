@@ -19,16 +19,6 @@ from nathlon.selection.nightly.night import NIGHT
 from nathlon.selection.run import STAGES
 
 
-class WorkerState(ResultModel):
-    """A process that has matches run; see `nathlon.arena.claimant.AtWork`."""
-
-    host: str
-    process: int
-    processes: int
-    matches_per_minute: float | None
-    seen_at: str | None
-
-
 class WaitingMatches(ResultModel):
     """Matches in the queue that can share a world.
 
@@ -76,7 +66,7 @@ class WorkState(ResultModel):
     paused: bool
     by: str
     at: str | None
-    workers: tuple[WorkerState, ...]
+    workers: tuple[AtWork, ...]
     queue: tuple[WaitingMatches, ...]
     under_way: RunUnderWay | None
 
@@ -117,7 +107,7 @@ def work_state(store: Store) -> WorkState:
         paused=said.paused,
         by=said.by,
         at=said.at,
-        workers=tuple(WorkerState(**one._asdict()) for one in workers),
+        workers=tuple(workers),
         queue=tuple(
             _waiting(store, digest, count, said.first) for digest, count in store.waiting(COUNTED).items()
         ),

@@ -10,7 +10,7 @@ from nathlon.arena.entrant import Entrant, named_apart
 from nathlon.arena.naming import short_names
 from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.world_finding import RACING
-from nathlon.selection.field import Exclusion
+from nathlon.results.summary import SetAside
 from nathlon.selection.nightly.promise import Choice
 from nathlon.selection.nightly.watching import Watched
 from nathlon.sim.errors import InputError
@@ -27,7 +27,7 @@ def newcomers(
     world: str = RACING,
     on_opened: Callable[[int, int], None] = quietly,
     choose: Choice = list,
-) -> tuple[list[Entrant], list[Exclusion]]:
+) -> tuple[list[Entrant], list[SetAside]]:
     """The entrants among what is watched that are not known yet, and what is set aside.
 
     Files with the same contents are one entrant, which knows them all. Names are unique, also among those
@@ -44,12 +44,12 @@ def newcomers(
         choose: which of those that are new are looked at; all by default.
     """
     found: dict[str, Entrant] = {}
-    excluded: list[Exclusion] = []
+    excluded: list[SetAside] = []
     unjudged = watched.unjudged(known, refused)
     new = {source: unjudged[source] for source in choose(list(unjudged))}
     for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world, on_opened), strict=True):
         if isinstance(answer, InputError):
-            excluded.append(Exclusion(printable(source), str(answer), new[source]))
+            excluded.append(SetAside(printable(source), str(answer), new[source]))
         elif answer.id not in known:
             same = [printable(other) for other in watched.sources(answer.id) if other != source]
             found.setdefault(answer.id, replace(answer, also=tuple(same)))

@@ -20,10 +20,10 @@ from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.selection import Selection
-from nathlon.results.summary import Summary
+from nathlon.results.summary import SetAside, Summary
 from nathlon.selection.config import Config
 from nathlon.selection.engines import engine_of
-from nathlon.selection.field import EntryList, Exclusion
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.incumbents import incumbents, located
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
@@ -80,7 +80,7 @@ class Night:
     code: int
     reason: str
     selection: Selection | None
-    excluded: tuple[Exclusion, ...] = ()
+    excluded: tuple[SetAside, ...] = ()
     told_elsewhere: bool = False
 
     @property
@@ -320,7 +320,7 @@ def _check_full(watched: Watched, fields: Sequence[EntryList]) -> None:
 
 def _refused(store: Store, fields: Sequence[EntryList]) -> set[str]:
     """Keys of what was set aside before, on nights with newcomers and on others."""
-    alone = [Exclusion(**entry.entry) for entry in store.log(EXCLUSION)]
+    alone = [SetAside(**entry.entry) for entry in store.log(EXCLUSION)]
     return {item.key for field in fields for item in field.excluded} | {item.key for item in alone}
 
 

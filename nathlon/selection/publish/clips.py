@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from nathlon.arena.passes import Pass, passes
 from nathlon.arena.race_log import Incident, RaceLog, numbered
+from nathlon.results.summary import Clip
 
 BEFORE_S, AFTER_S = 6.0, 4.0
 """A clip begins so long before its moment and ends so long after it."""
 LIGHT_M_S = 1.0
 """Closing speed up to which nobody asks who was to blame for a touch."""
-
-
-class Clip(NamedTuple):
-    """A part of a race, s since its start; the car to follow, and why one should look at it."""
-
-    start_s: float
-    end_s: float
-    car: int
-    why: str
 
 
 def clips(log: RaceLog) -> list[Clip]:

@@ -21,18 +21,6 @@ class Notable(NamedTuple):
     why: str
 
 
-def deciding_race(results: pl.DataFrame, ranking: pl.DataFrame) -> tuple[str, int] | None:
-    """The closest race that the first of the ranking won against the second, as match key and race.
-
-    If the first won none, the race that it lost by least. None where the two did not meet.
-    """
-    met = _margins(results, ranking)
-    if met.is_empty():
-        return None
-    closest = met.sort("lost", "by", *RACE)
-    return closest["match"][0], int(closest["race"][0])
-
-
 def notable_races(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
     """The deciding race first, and then the others that stand out; each once.
 

@@ -14,7 +14,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, recording_name, write_recording
 from nathlon.arena.store import Store
 from nathlon.reports.player import write_player
-from nathlon.results.summary import Replay, SkillScene, Summary
+from nathlon.results.summary import Replay, Summary
 from nathlon.selection.publish.clips import clips
 from nathlon.selection.publish.decider import DRIVEN, Notable, notable_races
 from nathlon.selection.publish.output import RACES, OutputFolder
@@ -67,9 +67,8 @@ def record_replays(
         replay = Replay(**one._asdict(), missing=missing.get(one.match))
         log = old or again.get((one.match, one.race))
         if log is not None:
-            scenes = tuple(SkillScene(**clip._asdict()) for clip in clips(log))
             files = _files(log, output, name, fresh=old is None)
-            replay = replay.model_copy(update={**files, "clips": scenes, "missing": None})
+            replay = replay.model_copy(update={**files, "clips": tuple(clips(log)), "missing": None})
             logs.append(log)
         replays.append(replay)
     return Replays(tuple(replays), tuple(logs))
