@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from nathlon.policies.hosting.incoming import CHUNK_BYTES, SIZE
-from nathlon.policies.hosting.programs import end, start
+from nathlon.policies.hosting.programs import Program, end, start
 from nathlon.policies.hosting.spawned import BLAS_THREADS
 from nathlon.policies.hosting.wire import pack, unpack
 from nathlon.policies.patience import LOOK_S, Waiting
@@ -133,7 +133,7 @@ class Child:
         return ChildError(reason)
 
 
-def _end(process: subprocess.Popen[bytes], pipe: socket.socket) -> None:
+def _end(process: Program, pipe: socket.socket) -> None:
     end(process)
     assert process.stdin is not None
     process.stdin.close()

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
+Program = subprocess.Popen[bytes]
 
-def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
+
+def start(command: Sequence[str], **options: Any) -> Program:
     """Start a program in a session of its own, so that `end` ends what it starts as well.
 
     Args:
@@ -23,7 +25,7 @@ def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, start_new_session=True, **options)
 
 
-def end(process: subprocess.Popen[bytes]) -> None:
+def end(process: Program) -> None:
     """End a program that `start` has started."""
     end_group(process.pid)
     process.wait()

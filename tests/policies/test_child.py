@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 
 import numpy as np
 import pytest
 
 from nathlon.policies.hosting.child import MOST_BYTES, Child, ChildError
+from nathlon.sim.process import has_ended
 
 SAYS = """
 import os, struct, sys, time
@@ -18,6 +21,18 @@ def say(content):
 """
 DEEP = 100_000
 """Lists, one in another."""
+
+
+STARTS_ANOTHER = """
+import subprocess, sys, time
+from nathlon.policies.hosting.wire import pack, pipe_to_parent
+
+pipe = pipe_to_parent()
+other = subprocess.Popen(["sleep", "1000"])
+pipe.send_bytes(pack({"other": other.pid}))
+time.sleep(1000)
+"""
+"""As a policy or a world may."""
 
 
 def asked(code: str) -> Child:
@@ -52,3 +67,17 @@ def test_one_that_takes_in_nothing_has_no_more_time() -> None:
     with pytest.raises(ChildError, match=r"has not answered in 0\.2 s"):
         child.ask({}, {"many": np.zeros(1 << 22)}, limit_s=0.2)
     assert child.process.poll() is not None
+
+
+@pytest.mark.skipif(os.name != "posix", reason="groups of processes")
+def test_what_it_has_started_ends_with_the_process_that_asks() -> None:
+    child = Child([sys.executable, "-c", STARTS_ANOTHER, "{pipe}"])
+    told, _ = child.ask({}, limit_s=60.0)
+    assert child.process.stdin is not None
+    child.process.stdin.close()  # as when this process is killed
+    child.process.wait(60.0)
+    for _ in range(600):
+        if has_ended(told["other"]):
+            break
+        time.sleep(0.1)
+    assert has_ended(told["other"])

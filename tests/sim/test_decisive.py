@@ -31,6 +31,9 @@ CARRIERS = {
 }
 """What decisive modules import that only carries text and files."""
 
+ROOTS = {"arena/match_policies.py", "arena/runner.py", "policies/load.py"}
+"""What others call to have a race run."""
+
 KERNELS = "sim/kernel.py"
 
 
@@ -139,6 +142,18 @@ def test_what_decisive_modules_import_is_decisive() -> None:
     needed = {name for path in files() if path.suffix == ".py" for name in imported(path)}
     assert needed - listed - CARRIERS == set()
     assert CARRIERS & listed == set()
+
+
+def test_files_that_are_listed_by_themselves_are_needed() -> None:
+    needed = {
+        name
+        for path in files()
+        if path.suffix == ".py"
+        for name in imported(path)
+        if name != path.relative_to(PACKAGE).as_posix()
+    }
+    alone = {name for name in DECISIVE if name.endswith(".py")}
+    assert alone - needed == ROOTS
 
 
 def test_every_module_with_kernels_is_decisive() -> None:

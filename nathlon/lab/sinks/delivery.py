@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
-from nathlon.policies.hosting.programs import end, start
+from nathlon.policies.hosting.programs import Program, end, start
 from nathlon.results.part import ResultModel
 from nathlon.sim.process import command_of
 
@@ -56,7 +56,7 @@ def deliver(told: ResultModel, sinks: Mapping[str, str]) -> tuple[Delivery, ...]
 
 
 @contextmanager
-def _process(sink: str) -> Iterator[subprocess.Popen[bytes]]:
+def _process(sink: str) -> Iterator[Program]:
     # What a library complains of may hold a secret.
     process = start(
         command_of("nathlon.lab.sinks", sink),
@@ -71,7 +71,7 @@ def _process(sink: str) -> Iterator[subprocess.Popen[bytes]]:
             end(process)
 
 
-def _answer(sink: str, process: subprocess.Popen[bytes], job: list[Any]) -> Delivery:
+def _answer(sink: str, process: Program, job: list[Any]) -> Delivery:
     try:
         said, _ = process.communicate(json.dumps(job).encode(), DEADLINE_S)
         place, error = json.loads(said)
