@@ -19,8 +19,7 @@ import pytest
 import torch
 
 from nathlon.policies.checkpoint import SeeingPolicy, load_checkpoint, open_checkpoint, save_checkpoint
-from nathlon.policies.hosting import spawned
-from nathlon.policies.hosting.incoming import Incoming
+from nathlon.policies.hosting.spawned import Spawned
 from nathlon.policies.policy import StatelessPolicy
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.replay_buffer.passages import PassageBatch
@@ -349,7 +348,7 @@ def test_a_worker_that_does_not_end_its_message_ends_the_run(monkeypatch: pytest
 
     monkeypatch.setattr(worker_pool, "FreshProcesses", InThisProcess)
     monkeypatch.setattr(worker_pool, "_serve", begin_a_message)
-    monkeypatch.setattr(spawned, "Incoming", partial(Incoming, limit_s=0.0))
+    monkeypatch.setattr(worker_pool, "Spawned", partial(Spawned, limit_s=0.0))
     config = changed(workers=1)
     network = Perceptron((config.observation.spec().size, 8, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
