@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 
 from nathlon.arena.results import SKILLS
 from nathlon.results.selection import Selection
-from nathlon.results.summary import ActionTime
+from nathlon.results.standing import ActionTime
 from nathlon.selection.battery import ON_REQUEST
 from nathlon.selection.battery.skill import SKILLS_FOLDER
 from tests.support.opened_page import Opened, full_night, key, views
