@@ -23,7 +23,7 @@ def has_reverse(policy: Any) -> bool:
 
 
 def trained_with_reverse(seen: ObservationSpec) -> bool:
-    """Whether the cars in training have a reverse gear: those with a plan or a camera; older ones have none."""
+    """Whether cars in training have a reverse gear: those with a plan or a camera; older ones have none."""
     return seen.planned or seen.camera is not None
 
 
