@@ -66,7 +66,7 @@ def run_match(
 def run_together(
     line_ups: Mapping[int, LineUp], watch: Watch, observer: Observer | None = None
 ) -> Iterator[tuple[int, pl.DataFrame]]:
-    """Run matches of the same scenario, circuit and car in one world.
+    """Run matches of the same scenario, circuit and cars in one world.
 
     Every match has the results that it has alone.
 
@@ -187,7 +187,12 @@ class _Meeting:
         scenario, track = load_scenario(first.scenario), load_track(first.circuit)
         self._time_s, self._reaction, self._watch = scenario.time_s, scenario.reaction, watch
         watch.work()
-        self.world = scenario.world(track, load_car(first.car), len(races))
+        self.world = scenario.world(track, [load_car(car) for car in first.cars], len(races))
+        self.world.state["model"] = [
+            [match.cars.index(match.car_of(seat.entrant)) for seat in race.seats]
+            for match in self._matches.values()
+            for race in match.races
+        ]
         for index, race in enumerate(races):
             self.world.reset(index, scenario.place(track, np.random.default_rng(race.seed)))
         self._cars = self.world.state.reshape(-1)
@@ -204,7 +209,7 @@ class _Meeting:
         if begin is not None:
             for team in self._teams:
                 team.recall(begin.memory)
-        self._usual = usual_strategist(scenario, self.world.car)
+        self._usual = [usual_strategist(scenario, model) for model in self.world.models]
         advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
         self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [
@@ -255,7 +260,7 @@ class _Meeting:
                 for car, seat in enumerate(race.seats):
                     policy = policies[seat.entrant]
                     own = policy.strategist if isinstance(policy, Composite) else None
-                    strategist = own or self._usual
+                    strategist = own or self._usual[self.world.state["model"][index, car]]
                     if strategist is not None:
                         yield Advised(index, car, number, seat.entrant, strategist)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any
@@ -125,8 +126,8 @@ class Scenario(Section):
                 raise ValueError(f"{name} must be one number, or {self.cars}, one for each car")
         return self
 
-    def world(self, track: Track, car: Car, races: int, threads: int = 1) -> World:
-        """Races of the scenario, yet to be started.
+    def world(self, track: Track, car: Car | Sequence[Car], races: int, threads: int = 1) -> World:
+        """Races of the scenario with cars of a model, or of several, yet to be started.
 
         Raises:
             InputError: if its rules or compound are unknown.

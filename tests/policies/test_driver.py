@@ -254,7 +254,9 @@ def test_the_driver_feels_the_rain() -> None:
     assert felt["progress"] > 2500.0
     whole = np.ones(1)
     for once, again in zip(
-        driver.act(seen, memories[1]), driver.act_on_grip(seen, memories[1], whole, whole), strict=True
+        driver.act(seen, memories[1]),
+        driver.act_when_told(seen, memories[1], whole, whole, whole == 0.0),
+        strict=True,
     ):
         np.testing.assert_array_equal(once, again)
 
