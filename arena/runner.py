@@ -25,6 +25,7 @@ from nathlon.policies.sources.composite import Composite
 from nathlon.policies.strategy import usual_strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.scenario import load_scenario
@@ -128,6 +129,15 @@ def run_until(
     return meeting.halt(), meeting.results(0) if meeting.over(0) else None
 
 
+def check_sight(match: Match, policies: Sequence[Policy | Absent]) -> None:
+    """Raise an InputError for a policy with a camera among several classes: all cars look alike to it."""
+    for source, policy in zip(match.sources, policies, strict=True):
+        if match.classes and not isinstance(policy, Absent) and policy.observation_spec.camera:
+            raise InputError(
+                f"{source}: sees by a camera, expected one that is told numbers in a race of several classes"
+            )
+
+
 class _View:
     """Teams that observe by the same spec, and what their cars see."""
 
@@ -203,6 +213,8 @@ class _Meeting:
             for array, kept in zip(self.world.arrays(), begin.races, strict=True):
                 array[:] = kept
             self._endings[:], self._driven[:] = begin.endings, begin.driven
+        for match, policies in line_ups.values():
+            check_sight(match, policies)
         everybody = [one for _, policies in line_ups.values() for one in policies]
         show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)

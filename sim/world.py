@@ -314,14 +314,12 @@ class World:
             (n, spec.size) float32, or with a camera (n,) records; see `ObservationSpec.blank`.
 
         Raises:
-            InputError: if a plan is seen and none has been shown to this world, or a camera is to see cars of
-                several models.
+            InputError: if a plan is seen and none has been shown to this world.
+            ValueError: if a camera is to see cars of several models.
         """
         if spec.camera is not None:
             if len(self.models) > 1:
-                raise InputError(
-                    "a policy sees by a camera, expected numbers where cars are of several classes"
-                )
+                raise ValueError("a camera is to see cars of several models, expected one model")
             if spec not in self._photographers:
                 self._photographers[spec] = Photographer(spec, self.track, self.car, self.state.shape[1])
             return self._photographers[spec].observe(self.state, self.ticks, races, cars, self._threads)
