@@ -40,8 +40,6 @@ LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
 SPUN_OFF_M = 20.0
 """Up to which a spun car may stand beyond the edge of the road."""
-
-
 MOST_LAPS = 1000
 LONGEST_S = 86_400.0
 """A day."""
@@ -286,9 +284,9 @@ def load_scenario(name: str) -> Scenario:
 
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
     cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
-    is that of all cars, and a delay, s, that with which all of them see; rules are what the stewards go by; a
-    grip is a multiple of that of every surface when dry; hz is how often all cars act a second; blur and noise
-    are of all cameras.
+    is that of all cars, and a delay, s, that with which all of them see; rules are the stewards'; a grip is a
+    multiple of that of every surface when dry; hz is how often all cars act a second; blur and noise are of
+    all cameras.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
