@@ -32,6 +32,14 @@ def test_ones_own_rules_are_read_by_their_path(tmp_path: Path) -> None:
     assert p._replace(warnings=3, cut_gain=4.0) == rule_parameters(load_rules("sporting"))
 
 
+def test_a_car_that_is_close_sees_the_flag(tmp_path: Path) -> None:
+    path = tmp_path / "rules.toml"
+    flags = "[blue_flags]\nshown_s = 1.0\nclose_s = 2.0\npatience_s = 9.0\npenalty_s = 5.0\n"
+    path.write_text(SPORTING + flags)
+    with refusal(path, "close_s must not lie above shown_s"):
+        load_rules(str(path))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
@@ -56,5 +64,7 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
 
 
 def test_unknown_rules_list_the_known() -> None:
-    with pytest.raises(InputError, match="rules 'wild' is unknown; expected one of free, sporting"):
+    with pytest.raises(
+        InputError, match="rules 'wild' is unknown; expected one of blue_flags, free, sporting"
+    ):
         load_rules("wild")
