@@ -224,11 +224,6 @@ class World:
         if self._flags is not None:
             show_blue_flags(self.state, substeps * DYNAMICS_DT, self.track.length, self._flags)
 
-    @property
-    def shows_flags(self) -> bool:
-        """Whether blue flags are shown, as its rules say."""
-        return self._flags is not None
-
     def rain_mm_h(self, race: int) -> float:
         """How hard it rains in a race now."""
         if not self.conditions.weather:

@@ -36,11 +36,11 @@ def decide(
     """
     if isinstance(policy, Mppi):
         return policy.plan(Scene(world, races, cars), observations, memory)
-    if isinstance(policy, Follower) and (world.conditions.weather or world.shows_flags):
-        flagged = world.state["flagged_for"][races, cars] != NOBODY
-        own = np.ones(len(cars))
-        felt = grips(world, races, cars) if world.conditions.weather else (own, own)
-        return policy.act_when_told(observations, memory, *felt, flagged)
+    if isinstance(policy, Follower):
+        flagged, own = world.state["flagged_for"][races, cars] != NOBODY, np.ones(len(cars))
+        if world.conditions.weather or flagged.any():
+            felt = grips(world, races, cars) if world.conditions.weather else (own, own)
+            return policy.act_when_told(observations, memory, *felt, flagged)
     return policy.act(observations, memory)
 
 
