@@ -17,12 +17,14 @@ Observations = NDArray[Any]
 
 
 def has_reverse(policy: Any) -> bool:
-    """Whether a policy's cars have a reverse gear: if its `reverse` says so, or else if it sees a plan.
-
-    Whoever sees one is trained with a reverse gear, see `nathlon.policies.environments.opponents`.
-    """
+    """Whether a policy's cars have a reverse gear: if its `reverse` says so, or else by what it sees."""
     seen: ObservationSpec | None = getattr(policy, "observation_spec", None)
-    return bool(getattr(policy, "reverse", seen is not None and seen.planned))
+    return bool(getattr(policy, "reverse", seen is not None and trained_with_reverse(seen)))
+
+
+def trained_with_reverse(seen: ObservationSpec) -> bool:
+    """Whether cars in training have a reverse gear: those with a plan or a camera; older ones have none."""
+    return seen.planned or seen.camera is not None
 
 
 class Policy(Protocol):

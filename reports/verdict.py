@@ -11,7 +11,7 @@ import polars as pl
 from nathlon.arena.voids import is_void
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Decided, Summary
-from nathlon.results.words import STAGES
+from nathlon.results.words import STAGES, counted
 
 Row = Mapping[str, Any]
 
@@ -43,7 +43,7 @@ def _judged(selection: Selection) -> Verdict:
         return _unfinished(selection)
     ranking = selection.named("ranking").drop_nulls("points_per_race").to_dicts()
     if decision.open:
-        missing = _count(decision.waits_for, "ballot")
+        missing = counted(decision.waits_for, "ballot")
         waits = f"waits for {missing}" if decision.waits_for else "has been asked again"
         return Verdict(
             "The committee has not decided",
@@ -57,7 +57,7 @@ def _judged(selection: Selection) -> Verdict:
     if not sent:
         return _nobody(selection, decision, ranking)
     name, entrant = sent[0].name, sent[0].entrant
-    approval = f"approved on {sent[0].approved_by} of {_count(decision.ballots, 'ballot')}"
+    approval = f"approved on {sent[0].approved_by} of {counted(decision.ballots, 'ballot')}"
     own = next((row for row in ranking if row["entrant"] == entrant), None)
     if own is None:
         proof: tuple[str, ...] = (_alone(selection, entrant),)
@@ -81,7 +81,7 @@ def _alone(selection: Selection, entrant: str) -> str:
     runs = own.unique(["match", "race"])["stage"].to_list()
     summary = selection.summary
     stages = [
-        f"{_count(runs.count(stage), summary.episode, summary.episodes)} of the {called}"
+        f"{counted(runs.count(stage), summary.episode, summary.episodes)} of the {called}"
         for stage, called in STAGES.items()
         if stage in runs
     ]
@@ -178,7 +178,7 @@ def _points(row: Row, confidence: str, summary: Summary) -> str:
 
 
 def _faults(row: Row) -> str:
-    return f" It ended {_count(row['faults'], 'car run')} by its own fault." if row["faults"] else ""
+    return f" It ended {counted(row['faults'], 'car run')} by its own fault." if row["faults"] else ""
 
 
 def _manners(row: Row) -> str:
@@ -205,7 +205,7 @@ def _interval(low: float | None, high: float | None, digits: int) -> str:
 
 def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> Verdict:
     if decision.standings:
-        said = f"The committee found none of {_count(len(decision.standings), 'finalist')} fit"
+        said = f"The committee found none of {counted(len(decision.standings), 'finalist')} fit"
         return Verdict(
             "Send nobody",
             (
@@ -253,12 +253,12 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
     if pareto.is_empty():
         return ("No stage has been scored.",)
     survivors = int(pareto["survives"].sum())
-    went = f"{survivors:,} of {_count(pareto.height, 'entrant')} survived the Pareto filter."
+    went = f"{survivors:,} of {counted(pareto.height, 'entrant')} survived the Pareto filter."
     if battery.is_empty():
         return (went, "No later stage was scored.")
     first = battery.filter(pl.col("rank") == 1).sort(["points", "name"], descending=[True, False])
     leader = first.row(0, named=True)
-    tied = "" if first.height == 1 else f", statistically tied with {_count(first.height - 1, 'other')}"
+    tied = "" if first.height == 1 else f", statistically tied with {counted(first.height - 1, 'other')}"
     interval = _interval(leader["points_low"], leader["points_high"], 0)
     return (
         went,
@@ -266,10 +266,6 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
         f"({selection.summary.confidence:.0%} interval {interval}){tied}.",
         _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts(), selection.summary),
     )
-
-
-def _count(number: int, what: str, several: str = "") -> str:
-    return f"{number:,} {what if number == 1 else several or what + 's'}"
 
 
 def _listed(names: Sequence[str], conjunction: str) -> str:

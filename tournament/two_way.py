@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from nathlon.arena.results import STRATEGIES
 from nathlon.arena.statistics import Floats
-from nathlon.tournament.evidence import appearances
+from nathlon.tournament.evidence import UNIT, in_units
 
 
 class CrossedEntrant(NamedTuple):
@@ -41,8 +41,8 @@ def two_way(
 ) -> pl.DataFrame:
     """STRATEGIES of the RESULTS of a free-for-all.
 
-    A unit has one value for every cell, so that what a unit's seed does to all cancels in every effect.
-    Intervals are Student's, over units; none where there is one unit only.
+    A unit has one value for every cell, points of one of its cars, a race: what a unit's seed does to all
+    cancels in every effect. Intervals are Student's, over units; none where there is one unit only.
 
     Args:
         results: RESULTS.
@@ -50,10 +50,10 @@ def two_way(
         confidence: of each interval.
     """
     layout = crossed(cells)
-    seen = appearances(results).filter(pl.col("entrant").is_in(list(layout)))
-    units = seen.with_columns(here=pl.len().over("test", "match", "unit")).filter(
-        pl.col("here") == len(layout)
-    )
+    own = in_units(results).filter(pl.col("entrant").is_in(list(layout)))
+    races = own.group_by(*UNIT, "race", "entrant").agg(pl.col("points").mean())
+    seen = races.group_by(*UNIT, "entrant").agg(pl.col("points").mean())
+    units = seen.filter(pl.len().over(UNIT) == len(layout))
     if units.is_empty():
         return pl.DataFrame(schema=STRATEGIES)
     policies = list(dict.fromkeys(cell.policy for cell in layout.values()))
@@ -61,7 +61,7 @@ def two_way(
     ids = {cell: entrant for entrant, cell in layout.items()}
     order = [ids[CrossedEntrant(policy, strategy)] for policy in policies for strategy in strategies]
     rank = pl.col("entrant").replace_strict({entrant: i for i, entrant in enumerate(order)})
-    points = units.sort("test", "match", "unit", rank)["points"].to_numpy()
+    points = units.sort(*UNIT, rank)["points"].to_numpy()
     table = points.reshape(-1, len(policies), len(strategies))
     whole = table.mean(axis=(1, 2), keepdims=True)
     by_policy, by_strategy = table.mean(axis=2, keepdims=True), table.mean(axis=1, keepdims=True)

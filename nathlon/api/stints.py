@@ -19,6 +19,7 @@ from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import Place, heavy, light, practise
 from nathlon.policies.sources import COMPOSITE, is_path
 from nathlon.policies.stint_model import StintModel
+from nathlon.results.words import counted
 from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules, rule_parameters
@@ -78,7 +79,7 @@ class StintsResult:
 
     def __repr__(self) -> str:
         return "\n".join(
-            f"{row['stops']} stops: {row['stints']}, {row['expected_s']:.1f} s, {row['file']}"
+            f"{counted(row['stops'], 'stop')}: {row['stints']}, {row['expected_s']:.1f} s, {row['file']}"
             for row in self.table.iter_rows(named=True)
         )
 
@@ -164,7 +165,8 @@ def _write(folder: Path, source: str, name: str, plan: StopPlan) -> Path:
     for stint in plan.stints:
         lines += ["[[stint]]", f"laps = {stint.laps}", f'compound = "{stint.compound}"']
         lines += [f"fuel_kg = {stint.fuel_kg}"]
-    return _composite(folder / f"{plan.stops}-stops.toml", source, f"{name} on {plan.stops} stops", lines)
+    called = f"{name} on {counted(plan.stops, 'stop')}"
+    return _composite(folder / f"{plan.stops}-stops.toml", source, called, lines)
 
 
 def _write_planner(folder: Path, source: str, name: str, model: StintModel) -> Path:

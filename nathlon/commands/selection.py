@@ -300,7 +300,7 @@ def _print_strategies(crossed: Sequence[Crossed]) -> None:
     policies = [one for one in crossed if not one.strategy]
     strategies = [one for one in crossed if not one.policy]
     heads = ("Policy", *(one.strategy for one in strategies), "Effect")
-    table = new_table(f"Points a race over {strategies[0].units} units", heads, ("Policy",))
+    table = new_table(f"Mean points a race played, over {strategies[0].units} units", heads, ("Policy",))
 
     def effect(one: Crossed) -> str:
         return figure(one.effect, one.effect_low, one.effect_high, "+.2f")

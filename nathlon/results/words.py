@@ -21,6 +21,11 @@ def episodes(episode: str) -> str:
     return f"{episode}{'es' if episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
 
 
+def counted(number: int, what: str, several: str = "") -> str:
+    """So many of what is counted; `several` where more than one are not called by adding an s."""
+    return f"{number:,} {what if number == 1 else several or what + 's'}"
+
+
 def figure(
     value: float | None, low: float | None = None, high: float | None = None, form: str = ".2f"
 ) -> str:

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from nathlon.results.words import stage_called
+from nathlon.results.words import counted, stage_called
 from nathlon.terminal import console, warn
 
 if TYPE_CHECKING:
@@ -82,6 +82,8 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         yield on_match
 
 
+ONE = {"matches": "match", "policies": "policy", "legs": "leg"}
+"""Of what is counted, by what several are called."""
 LINE_S = 60.0
 """Between two lines of a stage that goes on."""
 
@@ -115,7 +117,8 @@ class _Lines:
         self._stage = None
 
     def _tell(self, stage: str, when: str) -> None:
-        ended = f"{self._before + self._done:,} {_counted(stage)}".rstrip()
+        several = _counted(stage)
+        ended = counted(self._before + self._done, ONE.get(several, several), several).rstrip()
         warn(f"{stage_called(stage).capitalize():<12} {ended} {when} {time.monotonic() - self._began:.0f} s")
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nathlon.policies.apart import load_guest
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.planning import decide
-from nathlon.policies.policy import Batch, Policy, has_reverse
+from nathlon.policies.policy import Batch, Policy, has_reverse, trained_with_reverse
 from nathlon.sim.episode import Episodes, Moment, View
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -87,7 +87,7 @@ class OpponentWrapper:
         self.races, self.cars = _seats(np.arange(races), np.sort(places))
         show_plan(episodes.world, observation)
         self._view = episodes.watch(observation, self.races, self.cars)
-        self._reverse = observation.planned
+        self._reverse = trained_with_reverse(observation)
         self._other_races, self._other_cars = _seats(np.arange(races), others)
         self._views: dict[ObservationSpec, View] = {}
         self._opponents: list[SeatedOpponent] = []

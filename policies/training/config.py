@@ -149,6 +149,8 @@ class ImitationSettings(Section):
         taught: share of the cars that the teacher drives in the first rounds; none from then on.
         patience_s: for how long a car may be out of control before its race is started anew; without it, no
             race is.
+        rescuer: policy that is imitated instead where a car faces away from the road or is stranded beside
+            it, such as `driver`.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.
@@ -160,6 +162,7 @@ class ImitationSettings(Section):
     length_s: Annotated[float, Field(gt=0, le=600)] = 25.0
     taught: tuple[Annotated[float, Field(ge=0, le=1)], ...] = (1.0, 0.5, 0.25, 0.1)
     patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
+    rescuer: Annotated[str | None, Field(exclude_if=lambda rescuer: rescuer is None)] = None
     passage: Annotated[int, Field(ge=1, le=1000)] = 16
     recalled: Annotated[int, Field(ge=0, le=1000)] = 4
     telling: Annotated[float, Field(ge=0, le=100)] = 0.1

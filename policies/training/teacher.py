@@ -24,7 +24,12 @@ SLOW_M_S = 10.0
 def lost(cars: NDArray[np.void]) -> NDArray[np.bool_]:
     """Which cars (CAR_STATE of any shape) crawl, and face away from the road, are off it or at a wall."""
     slow = np.hypot(cars["velocity_x"], cars["velocity_y"]) < SLOW_M_S
-    return slow & ((np.abs(cars["heading_error"]) > ASTRAY_RAD) | cars["off_course"] | cars["wall_contact"])
+    return slow & (facing_away(cars) | cars["off_course"] | cars["wall_contact"])
+
+
+def facing_away(cars: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which cars (CAR_STATE of any shape) face away from the road, at whatever speed."""
+    return np.asarray(np.abs(cars["heading_error"]) > ASTRAY_RAD)
 
 
 class Teacher:

@@ -152,6 +152,33 @@ def test_whoever_is_out_of_control_for_long_begins_anew(
     assert (np.abs(rows["memory"]).max(axis=1) == 0.0).tolist() == [True, False, False] * 6
 
 
+def test_a_rescuer_says_what_to_do_where_a_car_faces_away_and_the_teacher_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert SEEING.imitation is not None
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.5, "rescuer": "driver:pace=0.8"})
+    policy = Imitation(tmp_path, SEEING, seed=1)._pupil.policy
+    turned: list[np.ndarray] = []
+
+    def turning(cars: np.ndarray) -> np.ndarray:
+        turned.append(np.arange(len(cars)) == len(turned) % 2)
+        return turned[-1]
+
+    monkeypatch.setattr(instruction, "facing_away", turning)
+
+    def said(**imitation: str | None) -> np.ndarray:
+        config = SEEING.model_copy(update={"imitation": settings.model_copy(update=imitation)})
+        turned.clear()
+        drive = instruct(config, policy, note_passages, Class(config.rollouts[0], HOME, 1.0, 0.0, seed=3))
+        return drive.rows["said"].reshape(2, -1, 2).swapaxes(0, 1)
+
+    both, teacher, rescuer = said(), said(rescuer=None), said(teacher="driver:pace=0.8", rescuer=None)
+    away = np.stack([np.arange(2) == step % 2 for step in range(len(both))])
+    np.testing.assert_array_equal(both[away], rescuer[away])
+    np.testing.assert_array_equal(both[~away], teacher[~away])
+    assert not np.allclose(rescuer[away], teacher[away])
+
+
 def test_mistakes_are_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class First(Mistakes):
         """Takes the end of the first step for one."""

@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from nathlon.arena.results import STRATEGIES
+from nathlon.tournament.records import records
 from nathlon.tournament.two_way import CrossedEntrant, crossed, two_way
 from tests.support.race_results import rows
 
@@ -59,6 +60,18 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         [row] = table.filter(strategy="2 stops", policy="").iter_rows(named=True)
         inside += row["effect_low"] <= PLANS["2 stops"] <= row["effect_high"]
     assert inside >= 88
+
+
+def test_points_are_those_of_one_car_as_in_the_ranking() -> None:
+    rng = np.random.default_rng(6)
+    alone = results(4, rng)
+    second = alone.filter(pl.col("car") < 2).with_columns(
+        car=pl.col("car") + 6, points=pl.col("points") + 1.0
+    )
+    raced = pl.concat([alone, second])  # the first two entrants have two cars each
+    table = two_way(raced, CELLS).drop_nulls("entrant").sort("entrant")
+    means = records(raced, rng).sort("entrant")
+    assert table["points"].to_list() == pytest.approx(means["mean"].to_list())
 
 
 def test_one_unit_has_no_interval() -> None:

@@ -27,7 +27,7 @@ export const extent = (rows, of) => {
  * @param {number | null} [reference]
  */
 export function barScale(rows, [value, low, high], origin, kind, reference = null) {
-  const [width, margin] = [120, 3];
+  const [width, margin] = [112, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
   const at = d3.scaleLinear([Math.min(origin, ...known), Math.max(origin, ...known)], [margin, width - margin]);
   return (row) => {

@@ -71,7 +71,7 @@ function strategies() {
     h("a", { href: to("checkpoint", [entrants[row.entrant].key]) }, row.points === best ? h("strong", {}, number(row.points, 2)) : number(row.points, 2)), " ",
     h("span", { class: "interval" }, row.points_low === null ? "" : `${number(row.points_low, 2)} to ${number(row.points_high, 2)}`));
   return section("Policies and strategies",
-    note(`Points ${EACH} of every policy with every strategy, with intervals over ${number(both[0].units)} units; bold: the most. Effects: what a policy, or a strategy, adds to the mean of all.`),
+    note(`Mean points ${EACH} played of every policy with every strategy, with intervals over ${number(both[0].units)} units; bold: the most. Effects: what a policy, or a strategy, adds to the mean of all.`),
     scroll("Policies and strategies", h("table", { id: "strategies" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Policy"), plans.map((row) => h("th", { scope: "col", class: "number" }, row.strategy)), h("th", { scope: "col", class: "number" }, "Effect of the policy"))),
       h("tbody", {},
