@@ -31,8 +31,8 @@ def event_picture(laps: pl.DataFrame) -> bytes:
 
 def _draw(laps: pl.DataFrame) -> Figure:
     order = running_order(laps)
-    several = laps["class"].n_unique() > 1
-    label = pl.format("{} ({})", "name", "class") if several else pl.col("name")
+    named = laps["class"].n_unique() == 1 or pl.col("name").str.ends_with(pl.col("class"))
+    label = pl.when(named).then("name").otherwise(pl.format("{} ({})", "name", "class"))
     names = dict(laps.select("car", label).unique().iter_rows())
     figure = Figure(figsize=(12, 3.4 + 0.36 * max(len(names), 6)), layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
