@@ -9,6 +9,7 @@ import pytest
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules, rule_parameters
+from nathlon.sim.scenario import load_scenario
 from tests.support.refusals import refusal
 
 SPORTING = (DATA / "rules" / "sporting.toml").read_text("utf-8")
@@ -61,6 +62,12 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
     path.write_text(SPORTING.replace(old, new))
     with refusal(path, complaint):
         load_rules(str(path))
+
+
+def test_rules_are_a_setting_of_scenarios() -> None:
+    assert load_scenario("race:rules=blue_flags").rules == "blue_flags"
+    with pytest.raises(InputError, match="rules 'wild' is unknown"):
+        load_scenario("race:rules=wild")
 
 
 def test_unknown_rules_list_the_known() -> None:
