@@ -261,6 +261,22 @@ def test_the_driver_feels_the_rain() -> None:
         np.testing.assert_array_equal(once, again)
 
 
+def test_the_driver_slows_down_on_its_line_for_a_blue_flag() -> None:
+    driver, races = Driver("lindenring", "gt3"), np.arange(2)
+    world = World(TRACK, GT3, 2, 1)
+    for race in range(2):
+        world.reset(race, start_at([-150.0], speed=30.0))
+    world.state["flagged_for"][1] = 5
+    memory = driver.initial_memory(2)
+    for _ in range(300):
+        seen = world.observe(driver.observation_spec, races, 0 * races)
+        actions, memory = decide(driver, world, races, 0 * races, seen, memory)
+        world.step(actions[:, None])
+    free, flagged = world.state[:, 0]
+    assert flagged["progress"] < free["progress"] - 100.0
+    assert flagged["off_course_s"] == free["off_course_s"] == 0.0
+
+
 def test_each_row_of_a_batch_is_driven_alone() -> None:
     world = World(TRACK, GT3, 1, 8)
     world.reset(0, on_grid(TRACK, 8, laps=1))
