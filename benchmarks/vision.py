@@ -11,8 +11,10 @@ Run as `python -m benchmarks.vision [--json FILE] [--races N] [CHECKPOINT ...]`,
 - `agents`: by the name of each checkpoint its `circuit` and `car`, `lap_s` and `lap_ratio` to the champion's
   from the same eight rolling starts (see `benchmarks.time_trial`), `off_course_share` of the time driven,
   `clean_starts`; `races` from the last place of eight over two laps against drivers at 0.95, how many were
-  `finished` and won (`wins_from_back_8`), `mean_place`, `at_fault_per_km`; `action_ms` a car, for one car and
-  for eight; and under `champion` the same of the champion.
+  `finished` and won (`wins_from_back_8`), `mean_place`, `at_fault_per_km`; `from_20`, the same of as many
+  grands prix from the last of twenty places against drivers at 0.88 to 0.92 on a drawn grid, with those
+  `in_first_three`; `action_ms` a car, for one car and for eight; and under `champion` the same of the
+  champion.
 
 The first bundled checkpoint of the Lindenring drives all cars. Times are CPU times of one thread, medians
 over several episodes.
@@ -39,7 +41,8 @@ from benchmarks.ladders import ladder
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, drive_alone
 from benchmarks.world import BATCH, CAR, CIRCUIT, SCENARIOS, SPEC, seats, trained_drive
-from nathlon.arena.entrant import enter
+from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import BUNDLED, champion
@@ -57,6 +60,9 @@ CARS, EPISODES, TICKS, EVERY = 8, 7, 100, 4
 """Cars in a race; ticks of an episode, of which every fourth is looked at."""
 RACES, DRIVERS = 10, f"{DRIVER}:pace=0.95"
 """From the back, and against whom."""
+GRAND_PRIX, CROWD = "grand_prix", tuple(f"{DRIVER}:pace={pace}" for pace in (0.88, 0.89, 0.9, 0.91, 0.92))
+"""Races of twenty, and who else is in them."""
+SEED = 4711
 ASKED = 200
 """How often an action is asked for."""
 Figures = dict[str, Any]
@@ -89,19 +95,46 @@ def racing(source: str, circuit: str, car: str, races: int) -> Figures:
     """How a policy laps alone and races from the back."""
     entrant = enter(source, circuit, car)
     laps = drive_alone(entrant, FLYING)
-    match = race_match(entrant, races, DRIVERS)
-    rows = run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
-    came = places(rows)
+    wins, rest = came(race_match(entrant, races, DRIVERS), entrant)
+    crowd_wins, crowd = came(crowded(entrant, races), entrant)
     return {
         "lap_s": round(laps.lap_s, 3) if math.isfinite(laps.lap_s) else None,
         "off_course_share": round(laps.off_course_share, 5),
         "clean_starts": laps.clean,
         "races": races,
+        "wins_from_back_8": wins,
+        **rest,
+        "from_20": {"wins": crowd_wins, **crowd},
+        "action_ms": {str(cars): action_ms(load_policy(source, circuit, car), cars) for cars in (1, CARS)},
+    }
+
+
+def crowded(entrant: Entrant, races: int) -> Match:
+    """Grands prix of an entrant from the last place, drivers of several paces before it."""
+    rng = np.random.default_rng(SEED)
+    cars = load_scenario(GRAND_PRIX).cars
+    grids = rng.integers(1, 1 + len(CROWD), (races, cars - 1)).tolist()
+    return Match(
+        "race",
+        GRAND_PRIX,
+        GRAND_PRIX,
+        entrant.circuit,
+        entrant.car,
+        (entrant.id, *CROWD),
+        (entrant.source, *CROWD),
+        tuple(Race(SEED + race, (*map(Seat, grid), Seat(0))) for race, grid in enumerate(grids)),
+    )
+
+
+def came(match: Match, entrant: Entrant) -> tuple[int, Figures]:
+    """How many races an entrant won, and how it raced."""
+    rows = run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
+    came = places(rows)
+    return came["wins"], {
         "finished": rows.filter(pl.col("ending") == "finished").height,
-        "wins_from_back_8": came["wins"],
+        "in_first_three": rows.filter(pl.col("place") <= 3).height,
         "mean_place": round(came["mean_place"], 2),
         "at_fault_per_km": came["at_fault_per_km"],
-        "action_ms": {str(cars): action_ms(load_policy(source, circuit, car), cars) for cars in (1, CARS)},
     }
 
 

@@ -19,6 +19,14 @@ export const extent = (rows, of) => {
 };
 
 /**
+ * A name in so many letters at most: how it begins and how it ends.
+ * @param {string} name
+ * @param {number} letters
+ */
+export const shortened = (name, letters) =>
+  name.length <= letters ? name : `${name.slice(0, Math.ceil((letters - 1) / 2))}…${name.slice(-Math.floor((letters - 1) / 2))}`;
+
+/**
  * A function that draws bars of one column on a common axis from `origin`.
  * @param {any[]} rows
  * @param {string[]} columns value, low, high
