@@ -63,6 +63,20 @@ def enter_all(
     return entrants
 
 
+def enter_in_cars(pool: Pool, pairs: Sequence[tuple[str, str]], circuit: str) -> list[Entrant]:
+    """As `enter_all`, of sources that each have a car of their own.
+
+    Raises:
+        InputError: if some cannot drive theirs, which it all names, or there is none.
+    """
+    once = list(dict.fromkeys(pairs))
+    openings = [Opening(source, _enter, (source, RACING, circuit, car)) for source, car in once]
+    answers = pool.open(openings, quietly)
+    if refused := [answer for answer in answers if isinstance(answer, InputError)]:
+        raise together(refused)
+    return only_once([answer for answer in answers if isinstance(answer, Entrant)])
+
+
 def enter_found(
     pool: Pool,
     found: Found,

@@ -120,20 +120,20 @@ def weights(sources: Iterable[str]) -> Iterator[Path]:
 
 
 def only_once(entrants: Sequence[Entrant]) -> list[Entrant]:
-    """Entrants with unique names; of several with the same contents the first is kept, and knows the others.
+    """Entrants with unique names; of several alike in the same car the first is kept, and knows the others.
 
     Raises:
         InputError: if there is none.
     """
-    sources: dict[str, list[str]] = {}
+    sources: dict[tuple[str, str], list[str]] = {}
     for entrant in entrants:
-        sources.setdefault(entrant.id, []).append(entrant.source)
-    first = {entrant.id: entrant for entrant in reversed(entrants)}
+        sources.setdefault((entrant.id, entrant.car), []).append(entrant.source)
+    first = {(entrant.id, entrant.car): entrant for entrant in reversed(entrants)}
     if not first:
         raise InputError("no checkpoint given, expected at least one")
     kept = [
-        replace(first[identity], also=tuple(source for source in dict.fromkeys(same) if source != same[0]))
-        for identity, same in sources.items()
+        replace(first[which], also=tuple(source for source in dict.fromkeys(same) if source != same[0]))
+        for which, same in sources.items()
     ]
     return named_apart(kept, short_names(entrant.source for entrant in kept))
 
@@ -144,7 +144,8 @@ def named_apart(
     """Entrants with unique names.
 
     One that is called after its file gets the short name of this; see `nathlon.arena.naming.short_names`.
-    Where that is not unique, it gets the name of a folder more, and then the beginning of its id.
+    Where that is not unique, it gets its car if not all drive the same, the name of a folder more, and then
+    the beginning of its id.
 
     Args:
         entrants: to be named.
@@ -157,13 +158,18 @@ def named_apart(
         else e.name
         for e in entrants
     ]
-    for with_more in (_with_folder, _with_id):
+    classes = (_with_car,) if len({e.car for e in entrants}) > 1 else ()
+    for with_more in (*classes, _with_folder, _with_id):
         shared = Counter(names)
         names = [
             proper_name(with_more(e, name)) if shared[name] > 1 or name in taken else name
             for e, name in zip(entrants, names, strict=True)
         ]
     return [replace(entrant, name=name) for entrant, name in zip(entrants, names, strict=True)]
+
+
+def _with_car(entrant: Entrant, name: str) -> str:
+    return f"{name} {Path(entrant.car).stem}"
 
 
 def _with_folder(entrant: Entrant, name: str) -> str:

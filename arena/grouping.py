@@ -31,9 +31,9 @@ def group(matches: Iterable[Match], workers: int, rounds: int = GROUPS_A_WORKER)
         workers: processes that will share the groups.
         rounds: groups for each of them, at least, if there are matches enough.
     """
-    alike: dict[tuple[str, str, str, str], list[Match]] = defaultdict(list)
+    alike: dict[tuple[str | tuple[str, ...], ...], list[Match]] = defaultdict(list)
     for match in matches:
-        alike[match.world, match.circuit, match.car, match.scenario].append(match)
+        alike[match.world, match.circuit, match.cars, match.scenario].append(match)
     seconds = {kind: sum(map(_car_seconds, those)) for kind, those in alike.items()}
     share = sum(seconds.values()) / (rounds * workers)
     groups = []

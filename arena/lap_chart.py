@@ -31,7 +31,7 @@ class LapChart:
 
     def __init__(self) -> None:
         self._laps: Any = None
-        self._compounds: dict[float, str] = {}
+        self._compounds: list[dict[float, str]] = []
         self._rows: list[dict[str, Any]] = []
 
     def __call__(self, world: World) -> None:
@@ -39,8 +39,10 @@ class LapChart:
         cars = world.state[0]
         if self._laps is None:
             self._laps = cars["laps"].copy()
-            base = world.conditions.compound or world.car.tyre.compound
-            self._compounds = {compound_ratio(base, name)[0]: name for name in load_compounds()}
+            bases = [world.first_compound(model) for model in world.models]
+            self._compounds = [
+                {compound_ratio(base, name)[0]: name for name in load_compounds()} for base in bases
+            ]
         for car in np.flatnonzero(cars["laps"] > self._laps):
             self._rows.append(self._row(int(car), cars[car]))
         np.copyto(self._laps, cars["laps"])
@@ -53,7 +55,7 @@ class LapChart:
             "time_s": float(state["line_s"][0]),
             "lap_s": None if np.isnan(lap_s) else lap_s,
             "stops": int(state["stops"]),
-            "compound": self._compounds[float(state["tyre_grip"])],
+            "compound": self._compounds[state["model"]][float(state["tyre_grip"])],
             "wear": float(state["wear"].max()),
             "fuel_kg": float(state["fuel"]),
             "contacts": int(state["contacts"]),

@@ -19,7 +19,7 @@ from nathlon.sim.errors import InputError
 
 NO_TEAM, TESTED, BACKGROUND = -1, 0, -2
 
-UNDECIDING = ("sources", "races", "swap")
+UNDECIDING = ("sources", "races", "swap", "classes")
 """Fields of a match that its spec does not take as they are."""
 
 
@@ -72,6 +72,7 @@ class Match:
         sources: where to load them from; does not decide the outcome.
         world: name of the simulator, see `nathlon.arena.world_finding`.
         swap: of a car's driver; None in all matches that decide something.
+        classes: the car of each entrant, where they are not all the same; `car` is the first of them.
     """
 
     stage: str
@@ -84,6 +85,7 @@ class Match:
     races: tuple[Race, ...]
     world: str = RACING
     swap: Swap | None = None
+    classes: tuple[str, ...] = ()
 
     @classmethod
     def from_spec(cls, spec: Mapping[str, Any], sources: Mapping[str, str]) -> Match:
@@ -111,6 +113,7 @@ class Match:
             tuple(sources.get(entrant, entrant) for entrant in entrants),
             tuple(races),
             spec["world"],
+            classes=tuple(spec.get("classes", ())),
         )
         if json.dumps(match.spec(), sort_keys=True) != json.dumps(spec, sort_keys=True):
             raise InputError(
@@ -134,6 +137,15 @@ class Match:
                 f"world {self.world!r}: its code or its data have changed since the run began, "
                 "expected the same to its end"
             )
+
+    @property
+    def cars(self) -> tuple[str, ...]:
+        """All that are driven, each once."""
+        return tuple(dict.fromkeys(self.classes or (self.car,)))
+
+    def car_of(self, entrant: int) -> str:
+        """What one of the entrants drives."""
+        return self.classes[entrant] if self.classes else self.car
 
     def seat_facts(self, race: int, car: int) -> dict[str, Any]:
         """What a row of RESULTS says of a seat before anything is driven."""
@@ -159,4 +171,10 @@ class Match:
         facts["races"] = [vars(race) | {"seats": [vars(seat) for seat in race.seats]} for race in self.races]
         if self.swap is not None:
             facts["swap"] = asdict(self.swap)
-        return facts | find_world(self.world, self.circuit, self.car).facts(self.scenario)
+        if self.classes:
+            facts["classes"] = list(self.classes)
+            facts["class_facts"] = {car: self._surroundings(car) for car in self.cars}
+        return facts | self._surroundings(self.car)
+
+    def _surroundings(self, car: str) -> dict[str, Any]:
+        return find_world(self.world, self.circuit, car).facts(self.scenario)

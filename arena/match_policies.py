@@ -32,4 +32,5 @@ def match_policies(match: Match) -> list[Any]:
 
 def match_policy(match: Match, entrant: int) -> Any:
     """The policy of one of its entrants; see `match_policies`."""
-    return _policy(match.sources[entrant], match.entrants[entrant], match.world, match.circuit, match.car)
+    car = match.car_of(entrant)
+    return _policy(match.sources[entrant], match.entrants[entrant], match.world, match.circuit, car)

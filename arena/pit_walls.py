@@ -66,8 +66,10 @@ class PitWalls:
         shape = world.state.shape
         self._begun = np.full(shape, -1.0)
         self._stops, self._inside = np.zeros(shape, np.int64), np.zeros(shape, bool)
-        default = world.conditions.compound or world.car.tyre.compound
-        self._compounds = [[default] * shape[1] for _ in range(shape[0])]
+        self._compounds = [
+            [world.first_compound(world.model(race, car)) for car in range(shape[1])]
+            for race in range(shape[0])
+        ]
         self._asked: dict[tuple[int, int], str | None] = {}
         self._driven: dict[tuple[int, int], list[DrivenStint]] = {}
         self._stint: dict[tuple[int, int], _Begun] = {}
@@ -201,7 +203,7 @@ class PitWalls:
             laps_done=cars["laps"].copy(),
             stops=cars["stops"].copy(),
             pit=self._world.parameters.rules.pit,
-            tank_kg=float(self._world.parameters.car.fuel_capacity),
+            tank_kg=float(self._world.parameters_of(race, car).fuel_capacity),
             film_mm=float(cars["film"][car]),
             rain_mm_h=self._world.rain_mm_h(race),
             forecast=self._forecast(race),

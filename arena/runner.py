@@ -25,6 +25,7 @@ from nathlon.policies.sources.composite import Composite
 from nathlon.policies.strategy import usual_strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.scenario import load_scenario
@@ -66,7 +67,7 @@ def run_match(
 def run_together(
     line_ups: Mapping[int, LineUp], watch: Watch, observer: Observer | None = None
 ) -> Iterator[tuple[int, pl.DataFrame]]:
-    """Run matches of the same scenario, circuit and car in one world.
+    """Run matches of the same scenario, circuit and cars in one world.
 
     Every match has the results that it has alone.
 
@@ -128,6 +129,15 @@ def run_until(
     return meeting.halt(), meeting.results(0) if meeting.over(0) else None
 
 
+def check_sight(match: Match, policies: Sequence[Policy | Absent]) -> None:
+    """Raise an InputError for a policy with a camera among several classes: all cars look alike to it."""
+    for source, policy in zip(match.sources, policies, strict=True):
+        if match.classes and not isinstance(policy, Absent) and policy.observation_spec.camera:
+            raise InputError(
+                f"{source}: sees by a camera, expected one that is told numbers in a race of several classes"
+            )
+
+
 class _View:
     """Teams that observe by the same spec, and what their cars see."""
 
@@ -187,7 +197,12 @@ class _Meeting:
         scenario, track = load_scenario(first.scenario), load_track(first.circuit)
         self._time_s, self._reaction, self._watch = scenario.time_s, scenario.reaction, watch
         watch.work()
-        self.world = scenario.world(track, load_car(first.car), len(races))
+        self.world = scenario.world(track, [load_car(car) for car in first.cars], len(races))
+        self.world.state["model"] = [
+            [match.cars.index(match.car_of(seat.entrant)) for seat in race.seats]
+            for match in self._matches.values()
+            for race in match.races
+        ]
         for index, race in enumerate(races):
             self.world.reset(index, scenario.place(track, np.random.default_rng(race.seed)))
         self._cars = self.world.state.reshape(-1)
@@ -198,13 +213,15 @@ class _Meeting:
             for array, kept in zip(self.world.arrays(), begin.races, strict=True):
                 array[:] = kept
             self._endings[:], self._driven[:] = begin.endings, begin.driven
+        for match, policies in line_ups.values():
+            check_sight(match, policies)
         everybody = [one for _, policies in line_ups.values() for one in policies]
         show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
         if begin is not None:
             for team in self._teams:
                 team.recall(begin.memory)
-        self._usual = usual_strategist(scenario, self.world.car)
+        self._usual = [usual_strategist(scenario, model) for model in self.world.models]
         advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
         self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [
@@ -255,7 +272,7 @@ class _Meeting:
                 for car, seat in enumerate(race.seats):
                     policy = policies[seat.entrant]
                     own = policy.strategist if isinstance(policy, Composite) else None
-                    strategist = own or self._usual
+                    strategist = own or self._usual[self.world.state["model"][index, car]]
                     if strategist is not None:
                         yield Advised(index, car, number, seat.entrant, strategist)
 

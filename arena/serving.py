@@ -86,13 +86,14 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
             continue
         try:
             policies = [_present(job, number, entrant, watch) for entrant in range(len(job.match.entrants))]
+            driven = drive_leg(job.match, policies, job.leg, watch) if job.leg else None
         except MemoryError:
             raise
         except InputError as error:
             yield number, error
             continue
-        if job.leg:
-            yield number, drive_leg(job.match, policies, job.leg, watch)
+        if driven:
+            yield number, driven
         elif job.wanted:
             yield number, _record(job.wanted, policies, watch)
         else:

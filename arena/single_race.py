@@ -10,8 +10,16 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 
 
-def single_race(entrants: Sequence[Entrant], scenario: str, circuit: str, car: str, seed: int) -> Match:
-    """One race that entrants start in turn until the grid is full, two of them as teams.
+def single_race(
+    entrants: Sequence[Entrant], scenario: str, seed: int, grid: Sequence[int] | None = None
+) -> Match:
+    """One race of entrants in their cars, two of them as teams.
+
+    Args:
+        entrants: all on the same circuit.
+        scenario: of the race.
+        seed: of its start.
+        grid: who starts where, from pole, as indices; in turn until the grid is full if it is not given.
 
     Raises:
         InputError: if there are more entrants than places.
@@ -19,7 +27,26 @@ def single_race(entrants: Sequence[Entrant], scenario: str, circuit: str, car: s
     cars = load_scenario(scenario).cars
     if len(entrants) > cars:
         raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
-    seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
-    ids, sources = zip(*((entrant.id, entrant.source) for entrant in entrants), strict=True)
-    races = (Race(seed, seats),)
-    return Match("race", scenario, scenario, circuit, car, ids, sources, races, entrants[0].world)
+    if grid is None:
+        grid = in_turn(len(entrants), cars)
+    seats = tuple(Seat(entrant, entrant if len(entrants) == 2 else -1) for entrant in grid)
+    ids, sources, models = zip(*((one.id, one.source, one.car) for one in entrants), strict=True)
+    first, races = entrants[0], (Race(seed, seats),)
+    classes = models if len(set(models)) > 1 else ()
+    return Match(
+        "race",
+        scenario,
+        scenario,
+        first.circuit,
+        first.car,
+        ids,
+        sources,
+        races,
+        first.world,
+        classes=classes,
+    )
+
+
+def in_turn(entrants: int, cars: int) -> list[int]:
+    """A grid that so many entrants fill in turn, as indices from pole."""
+    return [place % entrants for place in range(cars)]

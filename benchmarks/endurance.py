@@ -49,7 +49,7 @@ def measure(hours: float) -> dict[str, Any]:
     pool: Executor = Here(1)
 
     def drive(hours: float) -> Any:
-        match = single_race(entrants, f"endurance:hours={hours:g}", CIRCUIT, CAR, 1)
+        match = single_race(entrants, f"endurance:hours={hours:g}", 1)
         with TemporaryDirectory() as folder:
             return drive_race(pool, match, Path(folder))
 

@@ -60,7 +60,7 @@ def driven(checkpoint: Path, scenario: str, count: int) -> tuple[Watched, list[M
     card, tensors = read_checkpoint(checkpoint)
     policy, where = Watched(card, str(checkpoint), tensors), (card.circuit, card.car)
     sources = [str(checkpoint), f"{DRIVER}:pace=0.9"][: 1 + (scenario == TOGETHER[0])]
-    match = single_race([enter(source, *where) for source in sources], scenario, *where, seed=1)
+    match = single_race([enter(source, *where) for source in sources], scenario, seed=1)
     run_match(match, [policy, *(load_policy(source, *where) for source in sources[1:])])
     at = np.linspace(0, len(policy.moments) - 1, count + 2)[1:-1].round().astype(int)
     return policy, [policy.moments[step] for step in at]

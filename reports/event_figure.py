@@ -22,7 +22,7 @@ DASHES = ("-", "--", ":")
 
 
 def event_picture(laps: pl.DataFrame) -> bytes:
-    """The figure as PNG, from LAP_CHART with `name`; the same laps give the same bytes."""
+    """The figure as PNG, from LAP_CHART with `name` and `class`; the same laps give the same bytes."""
     with matplotlib.rc_context(STYLE):
         buffer = BytesIO()
         _draw(laps).savefig(buffer, format="png", dpi=130)
@@ -31,7 +31,9 @@ def event_picture(laps: pl.DataFrame) -> bytes:
 
 def _draw(laps: pl.DataFrame) -> Figure:
     order = running_order(laps)
-    names = dict(laps.select("car", "name").unique().iter_rows())
+    named = laps["class"].n_unique() == 1 or pl.col("name").str.ends_with(pl.col("class"))
+    label = pl.when(named).then("name").otherwise(pl.format("{} ({})", "name", "class"))
+    names = dict(laps.select("car", label).unique().iter_rows())
     figure = Figure(figsize=(12, 3.4 + 0.36 * max(len(names), 6)), layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     places, gaps = figure.subplots(2, 1, sharex=True)

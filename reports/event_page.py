@@ -30,7 +30,7 @@ class Chapter(NamedTuple):
     picture: str = ""
 
 
-TEXTS = frozenset({"Entrant", "Compound", "Ending", "Plan"})
+TEXTS = frozenset({"Entrant", "Class", "Compound", "Ending", "Plan"})
 """Heads of columns that hold no numbers."""
 
 
@@ -42,7 +42,7 @@ def table_chapter(title: str, rows: Sequence[Sequence[str]], heads: Sequence[str
 
 
 def lap_chapter(laps: pl.DataFrame, title: str) -> Chapter:
-    """A chapter with the figure of a race, from LAP_CHART with `name`; words alone if nobody came round."""
+    """A chapter with the figure of a race, see `event_picture`; words alone if nobody came round."""
     if laps.is_empty():
         return Chapter(f"{title}: nobody has completed one")
     return Chapter(title, picture=base64.b64encode(event_picture(laps)).decode())

@@ -15,6 +15,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.tyre_curve import curve_cells
 
 TORQUE_POINTS = 64
+MOST_GEARS = 10
 
 # Wide enough for a toy and for a road train: beyond, the steps of 1/60 s and the driver's tables do not hold.
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -84,7 +85,7 @@ class Engine(Section):
 
 
 class Gearbox(Section):
-    ratios: Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=10)]
+    ratios: Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=MOST_GEARS)]
     final_drive: Ratio
     efficiency: Annotated[float, Field(ge=0.01, le=1)]
     front_share: Share  # of the torque: 0 drives the rear wheels, 1 the front ones
@@ -183,6 +184,7 @@ class CarParameters(NamedTuple):
     shift_time: float
     traction_slip: float
     ratios: NDArray[np.float64]  # overall, engine to wheel
+    gears: int
     efficiency: float
     drive_front: float
     differential: float
@@ -251,6 +253,7 @@ def parameters(car: Car, compound: str | None = None) -> CarParameters:
         shift_time=engine.shift_s,
         traction_slip=engine.traction_slip,
         ratios=np.array(gearbox.ratios) * gearbox.final_drive,
+        gears=len(gearbox.ratios),
         efficiency=gearbox.efficiency,
         drive_front=gearbox.front_share,
         differential=gearbox.differential_lock_n_m_s,

@@ -56,11 +56,14 @@ class CudaWorld:
         """Copies of the world's races.
 
         Raises:
+            ValueError: if cars are of several models, or blue flags are shown.
             numba.cuda.CudaSupportError: if there is no device.
         """
+        if len(world.models) > 1 or (world.rules and world.rules.blue_flags):
+            raise ValueError("cars are of several models or are shown blue flags, expected neither")
         self._world = world
         self._parameters = _to_device(world.parameters)
-        plan = world.plan.table if world.plan else UNPLANNED
+        plan = world.plans[0].table if world.plans else UNPLANNED
         self._view = _to_device(view_parameters(world.parameters, plan))
         self._races = _to_device(world.arrays())
 

@@ -12,7 +12,11 @@ from nathlon.sim.rules import RuleParameters
 
 
 class WorldParameters(NamedTuple):
-    """The kernels' view of car, circuit, wear and fuel, and rules."""
+    """The kernels' view of cars, circuit, wear and fuel, and rules.
+
+    Attributes:
+        car: see `nathlon.sim.car_models.model_table`.
+    """
 
     car: CarParameters
     course: CourseParameters

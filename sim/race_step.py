@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nathlon.sim.car_models import parameters_of
 from nathlon.sim.clock import DYNAMICS_DT
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.parameters import WorldParameters
@@ -82,10 +83,13 @@ def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground
     """
     cars, ticks, course = race.cars, race.ticks, p.course
     worn = p.rates.wear > 0.0 or p.rates.weather
-    reach_squared = 4.0 * (p.car.half_length * p.car.half_length + p.car.half_width * p.car.half_width)
+    reach_squared = 0.0
     count = len(cars)
     for i in range(count):
         car = cars[i]
+        model = parameters_of(p.car, car.model)
+        diagonal = model.half_length * model.half_length + model.half_width * model.half_width
+        reach_squared = max(reach_squared, 4.0 * diagonal)
         car.off_course = car.wall_contact = car.car_contact = False
     race.contact_count[0] = 0
     for _ in range(substeps):
@@ -93,14 +97,15 @@ def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground
         if ticks[0] % RENEWAL_SUBSTEPS == 0:
             for i in range(count):
                 set_direction(cars[i])
-            set_draught(cars, 2.0 * p.car.half_length, course)
+            set_draught(cars, p.car, course)
         for i in range(count):
             car = cars[i]
             if not car.driving:
                 continue
+            model = parameters_of(p.car, car.model)
             if in_lane(car):
                 before = car.progress
-                drive_lane(car, i, DYNAMICS_DT, p.car, p.lane, p.rules.pit, course)
+                drive_lane(car, i, DYNAMICS_DT, model, p.lane, p.rules.pit, course)
                 time_lines(car, before, now, DYNAMICS_DT, course)
                 continue
             before = car.progress
@@ -109,7 +114,7 @@ def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground
             car.throttle = max(actions[i, 0], 0.0)
             car.brake = max(-actions[i, 0], 0.0)
             sine, cosine = facing(car, course)
-            off = stand_on(car, sine, cosine, worn, ground, p.car, course) >= 3
+            off = stand_on(car, sine, cosine, worn, ground, model, course) >= 3
             if off:
                 car.off_course = True
                 car.off_course_s += DYNAMICS_DT
@@ -120,10 +125,10 @@ def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground
             if car.asked:
                 approach(car, p.lane, course.length)
             feel_road(car, sine, cosine, course)
-            advance(car, actions[i, 1] * p.car.full_lock, ground, DYNAMICS_DT, p.car, p.rates)
+            advance(car, actions[i, 1] * model.full_lock, ground, DYNAMICS_DT, model, p.rates)
             locate(car, course)
             sine, cosine = facing(car, course)
-            if meet_walls(car, sine, cosine, p.car, course):
+            if meet_walls(car, sine, cosine, model, course):
                 car.wall_contact = True
                 car.wall_s += DYNAMICS_DT
                 locate(car, course)
@@ -156,7 +161,8 @@ def meet(race: RaceRows, i: int, j: int, now: float, p: WorldParameters) -> None
     relative_x = b.world_velocity_x - a.world_velocity_x
     relative_y = b.world_velocity_y - a.world_velocity_y
     faster = i if speed_squared(a) > speed_squared(b) else j
-    touch = collide(a, b, DYNAMICS_DT, p.car)
+    of_a, of_b = parameters_of(p.car, a.model), parameters_of(p.car, b.model)
+    touch = collide(a, b, DYNAMICS_DT, of_a, of_b)
     if touch.closing < 0.0:
         return
     a.car_contact = b.car_contact = True

@@ -52,6 +52,21 @@ class Serving(Section):
     speed_m_s: Positive
 
 
+class BlueFlags(Section):
+    """Letting those by that lap one."""
+
+    shown_s: Positive
+    close_s: Positive
+    patience_s: Positive
+    penalty_s: NotNegative
+
+    @model_validator(mode="after")
+    def _close_is_in_sight(self) -> BlueFlags:
+        if self.close_s > self.shown_s:
+            raise ValueError("close_s must not lie above shown_s")
+        return self
+
+
 class Pit(Section):
     """What a stop takes; see `nathlon.sim.physics.pit_lane`."""
 
@@ -61,7 +76,7 @@ class Pit(Section):
 
 
 class Rules(Section):
-    """Rules as their file describes them; see `sim/data/rules/sporting.toml` for each field."""
+    """Rules as their file describes them; see `sim/data/rules/blue_flags.toml` for each field."""
 
     name: Name
     description: str
@@ -69,6 +84,7 @@ class Rules(Section):
     cutting: Cutting
     contact: Contact
     serving: Serving
+    blue_flags: BlueFlags | None = None
     pit: Pit = Pit()
 
 
@@ -78,6 +94,15 @@ class PitParameters(NamedTuple):
     tyres: float
     fuel_rate: float
     together: bool
+
+
+class BlueFlagParameters(NamedTuple):
+    """What the kernels read of the rules on blue flags; s."""
+
+    shown: float
+    close: float
+    patience: float
+    penalty: float
 
 
 class RuleParameters(NamedTuple):
@@ -116,6 +141,14 @@ def rule_parameters(rules: Rules) -> RuleParameters:
         serving_speed=rules.serving.speed_m_s,
         pit=PitParameters(rules.pit.tyres_s, rules.pit.fuel_kg_s, rules.pit.together),
     )
+
+
+def blue_flag_parameters(rules: Rules) -> BlueFlagParameters | None:
+    """The kernels' view of the rules on blue flags; None where none are shown."""
+    flags = rules.blue_flags
+    if flags is None:
+        return None
+    return BlueFlagParameters(flags.shown_s, flags.close_s, flags.patience_s, flags.penalty_s)
 
 
 @lru_cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any
@@ -39,8 +40,6 @@ LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
 SPUN_OFF_M = 20.0
 """Up to which a spun car may stand beyond the edge of the road."""
-
-
 MOST_LAPS = 1000
 LONGEST_S = 86_400.0
 """A day."""
@@ -125,8 +124,8 @@ class Scenario(Section):
                 raise ValueError(f"{name} must be one number, or {self.cars}, one for each car")
         return self
 
-    def world(self, track: Track, car: Car, races: int, threads: int = 1) -> World:
-        """Races of the scenario, yet to be started.
+    def world(self, track: Track, car: Car | Sequence[Car], races: int, threads: int = 1) -> World:
+        """Races of the scenario with cars of a model, or of several, yet to be started.
 
         Raises:
             InputError: if its rules or compound are unknown.
@@ -275,7 +274,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip", "hours", "hz", "blur", "noise")
+SETTINGS = ("laps", "cars", "person", "compound", "rules", "delay", "grip", "hours", "hz", "blur", "noise")
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -285,8 +284,9 @@ def load_scenario(name: str) -> Scenario:
 
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
     cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
-    is that of all cars, and a delay, s, that with which all of them see; a grip is a multiple of that of
-    every surface when dry; hz is how often all cars act a second; blur and noise are of all cameras.
+    is that of all cars, and a delay, s, that with which all of them see; rules are the stewards'; a grip is a
+    multiple of that of every surface when dry; hz is how often all cars act a second; blur and noise are of
+    all cameras.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
@@ -296,38 +296,39 @@ def load_scenario(name: str) -> Scenario:
         file, given = name, ""
     scenario = read_toml(find_data(file, "scenario", DATA / "scenarios"), Scenario, "scenario")
     for key, value in settings_of(given, f"scenario {name!r}"):
-        match key:
-            case "laps":
-                scenario = scenario.model_copy(update=_other_laps(name, scenario, value))
-            case "hours":
-                scenario = scenario.model_copy(update={"time_s": _hours(name, scenario, value)})
-            case "cars":
-                scenario = scenario.model_copy(update={"cars": _cars(name, scenario, value)})
-            case "person":
-                scenario = scenario.model_copy(update={"action_hz": _person(name, scenario, value)})
-            case "compound":
-                scenario = scenario.model_copy(update={"compound": _compound(name, value)})
-            case "delay":
-                scenario = scenario.model_copy(update={"perception_delay_s": _delay(name, value)})
-            case "grip":
-                scenario = scenario.model_copy(update={"grip": _grip(name, value)})
-            case "hz":
-                hertz = _number(name, "hz", value, Hertz, f"actions a second that divide {DYNAMICS_HZ}")
-                scenario = scenario.model_copy(update={"action_hz": hertz})
-            case "blur":
-                scenario = scenario.model_copy(
-                    update={
-                        "blur": int(_number(name, "blur", value, Blur, f"a number from 0 to {MOST_BLUR}"))
-                    }
-                )
-            case "noise":
-                noise = _number(name, "noise", value, Noise, f"a deviation from 0 to {MOST_NOISE:g}")
-                scenario = scenario.model_copy(update={"noise": noise})
-            case _:
-                raise InputError(
-                    f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}"
-                )
+        scenario = scenario.model_copy(update=_setting(name, scenario, key, value))
     return scenario
+
+
+def _setting(name: str, scenario: Scenario, key: str, value: str) -> dict[str, Any]:
+    """What changes in a scenario with a setting."""
+    match key:
+        case "laps":
+            return _other_laps(name, scenario, value)
+        case "hours":
+            return {"time_s": _hours(name, scenario, value)}
+        case "cars":
+            return {"cars": _cars(name, scenario, value)}
+        case "person":
+            return {"action_hz": _person(name, scenario, value)}
+        case "compound":
+            return {"compound": _compound(name, value)}
+        case "rules":
+            load_rules(value)
+            return {"rules": value}
+        case "delay":
+            return {"perception_delay_s": _delay(name, value)}
+        case "grip":
+            return {"grip": _grip(name, value)}
+        case "hz":
+            return {
+                "action_hz": _number(name, "hz", value, Hertz, f"actions a second that divide {DYNAMICS_HZ}")
+            }
+        case "blur":
+            return {"blur": int(_number(name, "blur", value, Blur, f"a number from 0 to {MOST_BLUR}"))}
+        case "noise":
+            return {"noise": _number(name, "noise", value, Noise, f"a deviation from 0 to {MOST_NOISE:g}")}
+    raise InputError(f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}")
 
 
 def _other_laps(name: str, scenario: Scenario, laps: str) -> dict[str, float]:

@@ -138,6 +138,11 @@ class CarRecord(Protocol):
     asked_film: float
     asked_peak: float
     asked_fuel: float  # kg in the tank afterwards; no more than there is where it is less
+    model: int  # of the car, among those of its world
+    # Blue flags, see `nathlon.sim.blue_flags`.
+    flagged_for: int  # index of the car that is about to lap it, or -1
+    held_up_s: float  # for which it has held that one up
+    hold_ups: int  # for which it was penalised
 
 
 Cars: TypeAlias = Sequence[CarRecord]

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.blue_flags import NOBODY, show_blue_flags
 from nathlon.sim.camera.picture import Photographer
-from nathlon.sim.car import Car, compound_ratio, load_compounds, parameters, with_grip
+from nathlon.sim.car import Car, CarParameters, compound_ratio, load_compounds, parameters, with_grip
+from nathlon.sim.car_models import model_table
 from nathlon.sim.clock import DYNAMICS_DT, DYNAMICS_HZ, SUBSTEPS
 from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
+from nathlon.sim.observation_kernel import (
+    Nearby,
+    ViewParameters,
+    blocks,
+    layout_parameters,
+    observe_cars,
+    view_parameters,
+)
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.chassis import GRAVITY, Rates
 from nathlon.sim.physics.course import (
@@ -23,9 +33,9 @@ from nathlon.sim.physics.pit_lane import (
     lane_parameters,
 )
 from nathlon.sim.physics.tyre import Ground
-from nathlon.sim.plan import Plan
+from nathlon.sim.plan import UNPLANNED, Plan
 from nathlon.sim.race_step import CONTACT_GAP_S, locate_all, step_races
-from nathlon.sim.rules import Rules, load_rules, rule_parameters
+from nathlon.sim.rules import Rules, blue_flag_parameters, load_rules, rule_parameters
 from nathlon.sim.service import Service
 from nathlon.sim.state import CAR_STATE, CONTACT, Races
 from nathlon.sim.timing import first_line
@@ -39,22 +49,24 @@ ASKED = "asked_grip", "asked_wear", "asked_film", "asked_peak"
 
 
 class World:
-    """Races of the same circuit, car model and number of cars, advanced together.
+    """Races of the same circuit, car models and number of cars, advanced together.
 
     Attributes:
-        state: (races, cars) CAR_STATE, the whole state; read it freely.
+        state: (races, cars) CAR_STATE, the whole state; read it freely. Set `model` before a race is reset.
         ticks: (races,) int64, dynamics steps since each race's start.
         contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
         contact_count: (races,) int64, how many of them there are.
-        track, car, conditions, rules: as given.
-        plan: of a lap, for those who see one; None until it is shown.
-        parameters: the kernels' view of car, circuit, conditions and rules.
+        track, conditions, rules: as given.
+        models: the cars that are driven; the state says which one each is.
+        car: the first of them.
+        plans: of a lap with each of them, for those who see one; none until they are shown.
+        parameters: the kernels' view of cars, circuit, conditions and rules.
     """
 
     def __init__(
         self,
         track: Track,
-        car: Car,
+        car: Car | Sequence[Car],
         races: int,
         cars: int,
         conditions: Conditions = Conditions(),
@@ -65,7 +77,7 @@ class World:
 
         Args:
             track: the circuit.
-            car: the model that all drive.
+            car: the model that all drive, or several.
             races, cars: how many races, and cars in each.
             conditions: tyres, rates of wear and fuel, grip of the surfaces.
             rules: what the stewards go by; None for no penalties.
@@ -75,10 +87,14 @@ class World:
             InputError: if the conditions name an unknown compound.
         """
         self.track = track
-        self.car = car
+        self.models = (car,) if isinstance(car, Car) else tuple(car)
+        self.car = self.models[0]
         self.conditions, self.rules = conditions, rules
+        self._of_models = [
+            parameters(with_grip(model, conditions.grip.tarmac), conditions.compound) for model in self.models
+        ]
         self.parameters = WorldParameters(
-            parameters(with_grip(car, conditions.grip.tarmac), conditions.compound),
+            model_table(self._of_models),
             course_parameters(track, conditions.grip),
             Rates(float(conditions.wear_rate), float(conditions.fuel_rate), bool(conditions.weather)),
             rule_parameters(rules or load_rules("free")),
@@ -90,16 +106,33 @@ class World:
         self.contact_count = np.zeros(races, np.int64)
         self._touched = np.full((races, cars, cars), -np.inf)
         self._races = Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
-        self._view = view_parameters(self.parameters)
-        self.plan: Plan | None = None
+        self._flags = None if rules is None else blue_flag_parameters(rules)
+        self.plans: tuple[Plan, ...] = ()
+        self._views = self._see()
         self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
         self._photographers: dict[ObservationSpec, Photographer] = {}
 
-    def show(self, plan: Plan) -> None:
-        """Have observations that see a plan see this one."""
-        self.plan = plan
-        self._view = view_parameters(self.parameters, plan.table)
+    def show(self, *plans: Plan) -> None:
+        """Have observations that see a plan see these, one for each model."""
+        self.plans = plans
+        self._views = self._see()
+
+    def _see(self) -> list[ViewParameters]:
+        """What observations from each model need."""
+        tables = [plan.table for plan in self.plans] or [UNPLANNED] * len(self.models)
+        return [
+            view_parameters(self.parameters._replace(car=model), table)
+            for model, table in zip(self._of_models, tables, strict=True)
+        ]
+
+    def model(self, race: int, car: int) -> Car:
+        """What a car is."""
+        return self.models[self.state["model"][race, car]]
+
+    def parameters_of(self, race: int, car: int) -> CarParameters:
+        """The kernels' view of what a car is."""
+        return self._of_models[self.state["model"][race, car]]
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -113,34 +146,29 @@ class World:
     def reset(self, race: int, start: Start) -> None:
         """Put the cars of one race at their start, wheels rolling at the speed of the road.
 
-        Those that have a reverse gear keep it.
+        They keep what they are, and a reverse gear if they have one.
         """
         cars = self.state[race]
-        has_reverse = cars["has_reverse"].copy()
+        kept = cars[["model", "has_reverse"]].copy()
         cars[:] = np.zeros((), CAR_STATE)
-        cars["has_reverse"] = has_reverse
+        cars[["model", "has_reverse"]] = kept
         x, y, heading = self.track.pose(start.distance, start.lateral)
         cars["x"], cars["y"], cars["yaw"] = x, y, heading + start.heading
         ahead, aside = np.cos(cars["yaw"]), np.sin(cars["yaw"])
         cars["world_velocity_x"] = start.speed * ahead - start.side_speed * aside
         cars["world_velocity_y"] = start.speed * aside + start.side_speed * ahead
         cars["yaw_rate"] = start.yaw_rate
-        cars["spin"] = (start.speed / self.car.wheel.radius_m)[:, None]
-        shift_up = self.car.engine.shift_up_rpm / 60.0 * 2.0 * np.pi
-        fastest = shift_up / self.parameters.car.ratios * self.car.wheel.radius_m
-        cars["gear"] = np.minimum(np.searchsorted(fastest, start.speed), len(fastest) - 1)
-        cars["fuel"] = self.parameters.car.fuel_capacity
-        cars["mass"] = self.car.body.mass_kg
+        for model in range(len(self.models)):
+            self._make_new(race, model, start)
         cars["wraps"] = np.floor(start.distance / self.track.length)
         along = start.distance - cars["wraps"] * self.track.length
         cars["row"] = np.minimum(along / self.track.spacing, len(self.track.table) - 1)
-        cars["load"] = self.car.body.mass_kg * GRAVITY / 4.0
+        cars["load"] = (cars["mass"] * GRAVITY / 4.0)[:, None]
         for unset in ("line_s", "sector_s", "last_lap_s", "best_lap_s", "finish_s"):
             cars[unset] = np.nan
         cars["contact_s"] = -np.inf
         cars["driving"] = True
-        for name, value in zip(TYRE, self._fitted(self._compound), strict=True):
-            cars[name] = value
+        cars["flagged_for"] = NOBODY
         cars["sky"], cars["film"] = start.sky, self.conditions.film_mm
         cars["wet_grip"] = cars["wet_peak"] = 1.0
         if self.conditions.weather:
@@ -153,6 +181,21 @@ class World:
         self.ticks[race] = 0
         self.contact_count[race] = 0
         self._touched[race] = -np.inf
+
+    def _make_new(self, race: int, model: int, start: Start) -> None:
+        """Give the cars of a race that are of a model what such a car has at its start."""
+        car, p = self.models[model], self._of_models[model]
+        those = np.flatnonzero(self.state["model"][race] == model)
+        state, speed = self.state[race, those], start.speed[those]
+        state["spin"] = (speed / car.wheel.radius_m)[:, None]
+        shift_up = car.engine.shift_up_rpm / 60.0 * 2.0 * np.pi
+        fastest = shift_up / p.ratios * car.wheel.radius_m
+        state["gear"] = np.minimum(np.searchsorted(fastest, speed), len(fastest) - 1)
+        state["fuel"] = p.fuel_capacity
+        state["mass"] = car.body.mass_kg
+        for name, value in zip(TYRE, self._fitted(car, self.first_compound(car)), strict=True):
+            state[name] = value
+        self.state[race, those] = state
 
     def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:
         """Advance all races by one agent step.
@@ -178,6 +221,8 @@ class World:
             step_races(self._races, legal, substeps, self._ground[thread], self.parameters, tally, thread)
 
         self._threads.run(work, len(self.state))
+        if self._flags is not None:
+            show_blue_flags(self.state, substeps * DYNAMICS_DT, self.track.length, self._flags)
 
     def rain_mm_h(self, race: int) -> float:
         """How hard it rains in a race now."""
@@ -208,14 +253,14 @@ class World:
 
     def fit(self, race: int, car: int, service: Service) -> None:
         """Do to a car at once what a stop would do: before its start."""
-        state = self.state[race, car]
+        state, p = self.state[race, car], self.parameters_of(race, car)
         if service.compound is not None:
-            for name, value in zip(TYRE, self._fitted(service.compound), strict=True):
+            for name, value in zip(TYRE, self._fitted(self.model(race, car), service.compound), strict=True):
                 state[name] = value
             state["wear"] = 0.0
         if service.fuel_kg is not None:
-            state["fuel"] = min(service.fuel_kg, self.parameters.car.fuel_capacity)
-            state["mass"] = self.parameters.car.dry_mass + state["fuel"]
+            state["fuel"] = min(service.fuel_kg, p.fuel_capacity)
+            state["mass"] = p.dry_mass + state["fuel"]
 
     def ask_stop(self, race: int, car: int, service: Service | None) -> None:
         """Have a car stop the next time it comes to the pit lane's entry, or not stop after all.
@@ -233,18 +278,17 @@ class World:
             return
         state["asked_tyres"] = service.compound is not None
         if service.compound is not None:
-            for name, value in zip(ASKED, self._fitted(service.compound), strict=True):
+            for name, value in zip(ASKED, self._fitted(self.model(race, car), service.compound), strict=True):
                 state[name] = value
         state["asked_fuel"] = 0.0 if service.fuel_kg is None else service.fuel_kg
 
-    @property
-    def _compound(self) -> str:
-        """That which the cars start on."""
-        return self.conditions.compound or self.car.tyre.compound
+    def first_compound(self, car: Car) -> str:
+        """That which cars of a model start on."""
+        return self.conditions.compound or car.tyre.compound
 
-    def _fitted(self, compound: str) -> tuple[float, float, float, float]:
-        """Of a compound: grip and wear against those of the world's, then the film and the peak."""
-        grip, wear = compound_ratio(self._compound, compound)
+    def _fitted(self, car: Car, compound: str) -> tuple[float, float, float, float]:
+        """Of a compound: grip and wear against those that the car starts on, then the film and the peak."""
+        grip, wear = compound_ratio(self.first_compound(car), compound)
         fitted = load_compounds()[compound]
         return grip, wear, fitted.film_mm, fitted.peak_slip
 
@@ -266,23 +310,38 @@ class World:
 
         Raises:
             InputError: if a plan is seen and none has been shown to this world.
+            ValueError: if a camera is to see cars of several models.
         """
         if spec.camera is not None:
+            if len(self.models) > 1:
+                raise ValueError("a camera is to see cars of several models, expected one model")
             if spec not in self._photographers:
                 self._photographers[spec] = Photographer(spec, self.track, self.car, self.state.shape[1])
             return self._photographers[spec].observe(self.state, self.ticks, races, cars, self._threads)
-        if spec.planned and self.plan is None:
+        if spec.planned and not self.plans:
             raise InputError(
                 f"observation version {spec.version} sees a driver's plan, "
                 "expected a world that has been shown one"
             )
+        if len(self.models) == 1:
+            return self._observed(spec, races, cars, self._views[0])
+        out = np.empty((len(races), spec.size), np.float32)
+        for model, view in enumerate(self._views):
+            rows = np.flatnonzero(self.state["model"][races, cars] == model)
+            out[rows] = self._observed(spec, races[rows], cars[rows], view)
+        return out
+
+    def _observed(
+        self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64], view: ViewParameters
+    ) -> NDArray[np.float32]:
+        """As `observe`, numbers from cars of one model."""
         out = np.empty((len(races), spec.size), np.float32)
         layout = layout_parameters(spec)
 
         def work(tally: Tally, thread: int) -> None:
             listed = spec.cars_ahead + spec.cars_behind
             nearby = Nearby(np.empty(listed, np.int64), np.empty(listed))
-            observe_cars(self.state, races, cars, out, layout, nearby, self._view, tally, thread)
+            observe_cars(self.state, races, cars, out, layout, nearby, view, tally, thread)
 
         self._threads.run(work, blocks(len(races)))
         return out

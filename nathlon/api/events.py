@@ -9,18 +9,27 @@ from typing import TypedDict, Unpack
 
 import polars as pl
 
-from nathlon.api.candidates import Candidates, named_sources
+from nathlon.api.candidates import Candidates, with_cars
 from nathlon.api.stints import stints
-from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrance import enter_in_cars
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant
+from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.qualifying import qualify
 from nathlon.arena.single_race import single_race
-from nathlon.lab.events.race_folder import RaceDriven, drive_race
-from nathlon.lab.events.standings import lap_times, season_table, with_names
+from nathlon.lab.events.chapters import (
+    of_classes,
+    qualifying_chapter,
+    race_chapter,
+    season_chapter,
+    stint_chapter,
+)
+from nathlon.lab.events.classes import class_names, grid_by_class
+from nathlon.lab.events.race_folder import drive_race
+from nathlon.lab.events.standings import Started, class_leaders, season_table, with_names
 from nathlon.lab.stints.practice import with_settings
 from nathlon.policies.sources import COMPOSITE, OBJECT
-from nathlon.reports.event_page import Chapter, lap_chapter, table_chapter, write_event_page
+from nathlon.reports.event_page import Chapter, lap_chapter, write_event_page
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import check_output, whole_file, writing
@@ -35,8 +44,8 @@ class EnduranceResult:
 
     Attributes:
         folder: of all that it has left: the page, `results.csv` and `laps.csv`, and the legs.
-        results: RESULTS with `name` and `stops`, by place.
-        laps: LAP_CHART with `name`.
+        results: RESULTS with `name`, `class`, `class_place` and `stops`, by place.
+        laps: LAP_CHART with `name` and `class`.
         page: the path of its page.
     """
 
@@ -59,7 +68,7 @@ class WeekendResult(EnduranceResult):
     Attributes:
         circuit: where.
         practice: `name`, `plan` (null without one), `expected_s`; None without practice.
-        qualifying: `name` and `lap_s` (null without a time), from pole.
+        qualifying: `name`, `class` and `lap_s` (null without a time), from pole.
     """
 
     def __init__(
@@ -85,7 +94,7 @@ class SeasonResult:
 
     Attributes:
         folder: of all that it has left, with a folder for each weekend.
-        table: `place`, `name`, `points`, `wins`, and the points of each weekend by its circuit.
+        table: `class`, `place`, `name`, `points`, `wins`, and the points of each weekend by its circuit.
         weekends: in their order.
         page: the path of its page.
     """
@@ -123,8 +132,10 @@ def endurance(
     ends as if it had not been.
 
     Args:
-        entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, from pole.
-        circuit, car: shipped names or paths.
+        entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, from pole; each
+            may name its car, as in `A.safetensors?car=prototype`. The fastest class starts in front.
+        circuit: shipped name or path.
+        car: of those who name none; likewise.
         hours: until the end, up to 24.
         cars: on the grid, which the entrants fill in turn; one for each by default.
         scenario: a race that ends by time.
@@ -139,11 +150,12 @@ def endurance(
     folder = Path(out)
     check_output(folder)
     with Pool(1) as pool, stage_progress(progress, (RACE,)) as on_match:
-        entered = enter_all(pool, named_sources(entrants), circuit, car)
+        entered = enter_in_cars(pool, with_cars(entrants, car), circuit)
         name = with_settings(scenario, cars=cars or len(entered), hours=hours)
-        driven = _race(pool, entered, name, circuit, car, seed, folder, partial(on_match, RACE))
-    names = [entrant.name for entrant in entered]
-    return _write(folder, driven, names, f"{hours:g} hours of {circuit}", [])
+        grid = grid_by_class(entered, load_scenario(name).cars)
+        match = single_race(entered, name, seed, grid)
+        event = f"{hours:g} hours of {circuit}"
+        return _drive(pool, match, entered, folder, partial(on_match, RACE), event, [])
 
 
 def weekend(
@@ -166,8 +178,10 @@ def weekend(
     was.
 
     Args:
-        entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, one car each.
-        circuit, car: shipped names or paths.
+        entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, one car each,
+            which they may name, as in `A.safetensors?car=prototype`.
+        circuit: shipped name or path.
+        car: of those who name none; likewise.
         laps: of the race.
         scenario: a race in laps.
         practice: whether there is any; without it, cars stop when they need to.
@@ -184,28 +198,23 @@ def weekend(
     check_output(folder)
     count = worker_count(workers)
     with Pool(count) as pool, stage_progress(progress, (PRACTICE, RACE)) as on_match:
-        entered = enter_all(pool, named_sources(entrants), circuit, car)
+        entered = enter_in_cars(pool, with_cars(entrants, car), circuit)
         name = with_settings(scenario, cars=len(entered), laps=laps)
         planned = (
-            _practise(entered, name, circuit, car, seed, count, folder, partial(on_match, PRACTICE))
-            if practice
-            else None
+            _practise(entered, name, seed, count, folder, partial(on_match, PRACTICE)) if practice else None
         )
-        times = qualify(pool, entered, circuit, car, seed)
+        times = qualify(pool, entered, seed)
         order = [entered.index(entrant) for entrant, _ in times]
         starting = entered
         if planned is not None:
             given = dict(zip(planned["name"], planned["plan"], strict=True))
-            starting = enter_all(pool, [given[one.name] or one.source for one in entered], circuit, car)
-        grid = [starting[index] for index in order]
-        driven = _race(pool, grid, name, circuit, car, seed, folder, partial(on_match, RACE))
-    names = [entered[index].name for index in order]
-    qualifying = pl.DataFrame(
-        {"name": names, "lap_s": [lap_s for _, lap_s in times]},
-        schema={"name": pl.String, "lap_s": pl.Float64},
-    )
-    chapters = [table_chapter("Qualifying", _qualifying_rows(qualifying), ("Place", "Entrant", "Lap"))]
-    race = _write(folder, driven, names, f"{laps} laps of {circuit}", chapters)
+            plans = [(given[one.name] or one.source, one.car) for one in entered]
+            starting = enter_in_cars(pool, plans, circuit)
+        match = single_race([starting[index] for index in order], name, seed)
+        entered = [entered[index] for index in order]
+        qualifying = _qualifying(entered, [lap_s for _, lap_s in times])
+        event, before = f"{laps} laps of {circuit}", [qualifying_chapter(qualifying)]
+        race = _drive(pool, match, entered, folder, partial(on_match, RACE), event, before)
     return WeekendResult(race, circuit, planned, qualifying)
 
 
@@ -249,36 +258,22 @@ def season(
     ]
     table = season_table({one.circuit: one.results for one in weekends})
     _write_table(folder / "table.csv", table)
-    heads = ("Place", "Entrant", "Points", "Wins", *(Path(circuit).stem for circuit in circuits))
-    rows = [[_cell(value) for value in row] for row in table.iter_rows()]
-    chapters = [table_chapter("Table", rows, heads)]
+    chapters = [season_chapter(table, [Path(circuit).stem for circuit in circuits])]
     for one in weekends:
-        chapters.append(_race_chapter(one.results, Path(one.circuit).stem))
+        chapters.append(race_chapter(one.results, Path(one.circuit).stem))
         chapters.append(lap_chapter(one.laps, f"{Path(one.circuit).stem}: laps"))
-    leader = table.row(0, named=True)
-    headline = f"{leader['name']} wins the season with {leader['points']:g} points"
-    page = write_event_page(folder, headline, f"{len(weekends)} weekends", chapters)
+    several = of_classes(table)
+    won = [
+        f"{name} wins the season{f' in {of_class}' if several else ''} with {points:g} points"
+        for of_class, name, points in table.filter(place=1).select("class", "name", "points").iter_rows()
+    ]
+    page = write_event_page(folder, "; ".join(won), f"{len(weekends)} weekends", chapters)
     return SeasonResult(folder, table, weekends, page)
-
-
-def _race(
-    pool: Pool,
-    grid: Sequence[Entrant],
-    scenario: str,
-    circuit: str,
-    car: str,
-    seed: int,
-    folder: Path,
-    on_leg: Callable[[int, int], None],
-) -> RaceDriven:
-    return drive_race(pool, single_race(grid, scenario, circuit, car, seed), folder / "legs", on_leg)
 
 
 def _practise(
     entered: Sequence[Entrant],
     scenario: str,
-    circuit: str,
-    car: str,
     seed: int,
     workers: int,
     folder: Path,
@@ -304,8 +299,8 @@ def _practise(
                 found = stints(
                     one.source,
                     scenario=scenario,
-                    circuit=circuit,
-                    car=car,
+                    circuit=one.circuit,
+                    car=one.car,
                     seed=seed,
                     workers=workers,
                     out=place,
@@ -322,16 +317,39 @@ def _practise(
     return planned
 
 
-def _write(
-    folder: Path, driven: RaceDriven, names: Sequence[str], event: str, before: Sequence[Chapter]
+def _qualifying(entered: Sequence[Entrant], laps_s: Sequence[float | None]) -> pl.DataFrame:
+    """`name`, `class` and `lap_s` of entrants from pole."""
+    called = class_names([one.car for one in entered])
+    rows = [(one.name, called[one.car], lap_s) for one, lap_s in zip(entered, laps_s, strict=True)]
+    return pl.DataFrame(rows, {"name": pl.String, "class": pl.String, "lap_s": pl.Float64}, orient="row")
+
+
+def _drive(
+    pool: Pool,
+    match: Match,
+    entered: Sequence[Entrant],
+    folder: Path,
+    on_leg: Callable[[int, int], None],
+    event: str,
+    before: Sequence[Chapter],
 ) -> EnduranceResult:
-    """Tables and page of a race that is over."""
-    results, laps = with_names(driven, names)
+    """Drive the race of a match, and write its tables and page.
+
+    Args:
+        entered: those of the match.
+    """
+    driven = drive_race(pool, match, folder / "legs", on_leg)
+    called = class_names([one.car for one in entered])
+    on_grid = [entered[seat.entrant] for seat in match.races[0].seats]
+    results, laps = with_names(driven, [Started(one.name, called[one.car]) for one in on_grid])
     _write_table(folder / "results.csv", results)
     _write_table(folder / "laps.csv", laps)
     winner = results.row(0, named=True)
     headline = f"{winner['name']} wins after {winner['laps']} laps"
-    chapters = [_race_chapter(results, "Race"), lap_chapter(laps, "Laps"), _stint_chapter(laps), *before]
+    if of_classes(results):
+        _, *others = class_leaders(results).items()
+        headline += "".join(f"; {name} is the first of {car_class}" for car_class, name in others)
+    chapters = [race_chapter(results, "Race"), lap_chapter(laps, "Laps"), stint_chapter(laps), *before]
     page = write_event_page(folder, headline, event, chapters)
     return EnduranceResult(folder, results, laps, page)
 
@@ -342,55 +360,3 @@ def _write_table(path: Path, table: pl.DataFrame) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as whole:
             table.write_csv(whole)
-
-
-def _race_chapter(results: pl.DataFrame, title: str) -> Chapter:
-    heads = (
-        "Place",
-        "Entrant",
-        "Laps",
-        "km",
-        "Time",
-        "Best lap",
-        "Stops",
-        "Contacts",
-        "Pen.",
-        "Ending",
-        "Points",
-    )
-    rows = [
-        [
-            *(str(row["place"]), row["name"], str(row["laps"]), f"{row['distance_m'] / 1000:.1f}"),
-            *(_seconds(row["race_time_s"]), _seconds(row["best_lap_s"]), str(row["stops"])),
-            *(str(row["contacts"]), str(row["penalties"])),
-            *(row["ending"].replace("_", " "), _cell(row["points"])),
-        ]
-        for row in results.iter_rows(named=True)
-    ]
-    return table_chapter(title, rows, heads)
-
-
-def _stint_chapter(laps: pl.DataFrame) -> Chapter:
-    heads = ("Entrant", "Stint", "Compound", "Laps", "Best lap", "Mean lap")
-    rows = [
-        [name, str(stint), compound, f"{first} to {last}", _seconds(best_s), _seconds(mean_s)]
-        for name, stint, compound, first, last, best_s, mean_s in lap_times(laps).iter_rows()
-    ]
-    return table_chapter("Stints", rows, heads)
-
-
-def _qualifying_rows(qualifying: pl.DataFrame) -> list[list[str]]:
-    return [
-        [str(place), name, _seconds(lap_s) or "no time"]
-        for place, (name, lap_s) in enumerate(qualifying.iter_rows(), 1)
-    ]
-
-
-def _seconds(value: float | None) -> str:
-    return "" if value is None else f"{value:,.3f}"
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return f"{value:g}" if isinstance(value, float) else str(value)

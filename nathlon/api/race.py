@@ -111,10 +111,10 @@ def race(
         world = RACING if loader is None else with_loader(RACING, loader)
         sources = named_sources(entrants, people=True, endings=endings_of(pool, world))
         entered = enter_all(pool, sources, circuit, car, world)
-        timed = drive_qualifying(pool, entered, circuit, car, seed) if qualify else None
+        timed = drive_qualifying(pool, entered, seed) if qualify else None
         if timed is not None:
             entered = [entrant for entrant, _ in timed]
-        match = single_race(entered, scenario, circuit, car, seed)
+        match = single_race(entered, scenario, seed)
         output = OutputFolder(Path(record)) if record else None
         [(_, results)] = pool.run([match])
         recording = _record(pool, match, results, entered, output) if output else None

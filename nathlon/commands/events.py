@@ -9,6 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed, Workers
 from nathlon.commands.selection import at_work
+from nathlon.policies.sources import source_and_car
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -19,13 +20,18 @@ if TYPE_CHECKING:
 
 Entrants = Annotated[
     list[str],
-    typer.Argument(help="Entrants: checkpoints, composites with stints, driver:pace=0.95, plugin:NAME."),
+    typer.Argument(
+        help="Entrants: checkpoints, composites with stints, driver:pace=0.95, plugin:NAME; with ?car=NAME "
+        "behind it, each drives its own."
+    ),
 ]
 Laps = Annotated[int, typer.Option(min=1, max=1000, help="Laps of a race.")]
 Scenario = Annotated[str, typer.Option(help="Name or path of the race's scenario.")]
 NoPractice = Annotated[
     bool, typer.Option("--no-practice", help="No practice: cars without a plan stop when they need to.")
 ]
+CLASS = ("Class", "In class")
+"""Heads of columns that are shown where there are several."""
 GOES_ON = "The same command goes on from here."
 
 
@@ -44,7 +50,7 @@ def endurance(
     as_json: AsJson = False,
 ) -> None:
     """Run a race by the clock, for 24 hours if you like; it goes on where it was stopped."""
-    check_given(entrants)
+    check_given(source_and_car(one)[0] for one in entrants)
     with at_work(GOES_ON):
         import nathlon
 
@@ -79,7 +85,7 @@ def weekend(
     as_json: AsJson = False,
 ) -> None:
     """Run practice, qualifying and a race; it goes on where it was stopped."""
-    check_given(entrants)
+    check_given(source_and_car(one)[0] for one in entrants)
     with at_work(GOES_ON):
         import nathlon
 
@@ -96,7 +102,7 @@ def weekend(
         print_json({"practice": practice, "qualifying": qualifying, "results": results})
         return
     grid = new_table("Qualifying", ("Entrant", "Lap s"))
-    for name, lap_s in result.qualifying.iter_rows():
+    for name, lap_s in result.qualifying.select("name", "lap_s").iter_rows():
         grid.add_row(name, "no time" if lap_s is None else f"{lap_s:.3f}")
     print_table(grid)
     _print_race(f"{laps} laps of {circuit}", result.results)
@@ -116,7 +122,7 @@ def season(
     as_json: AsJson = False,
 ) -> None:
     """Run weekends on several circuits, and add their points up; it goes on where it was stopped."""
-    check_given(entrants)
+    check_given(source_and_car(one)[0] for one in entrants)
     with at_work(GOES_ON):
         import nathlon
 
@@ -130,8 +136,11 @@ def season(
     if as_json:
         print_json(result.table.to_dicts())
         return
-    table = new_table("Season", ("Place", "Entrant", "Points", "Wins", *circuits.split(",")))
-    for row in result.table.iter_rows():
+    several = result.table["class"].n_unique() > 1
+    shown = result.table if several else result.table.drop("class")
+    heads = ("Place", "Entrant", "Points", "Wins", *circuits.split(","))
+    table = new_table("Season", (*(CLASS[:1] if several else ()), *heads))
+    for row in shown.iter_rows():
         table.add_row(*(f"{value:g}" if isinstance(value, float) else str(value) for value in row))
     print_table(table)
     say(f"Page         {result.page}")
@@ -152,15 +161,18 @@ def _options(
 
 
 def _print_race(title: str, results: pl.DataFrame) -> None:
-    heads = ("Place", "Grid", "Entrant", "Laps", "Time s", "Lap s", "Stops", "Contacts", "Pen.", "Points")
-    table = new_table(title, heads, lean=True)
+    heads = ("Grid", "Entrant", "Laps", "Time s", "Lap s", "Stops", "Contacts", "Pen.", "Points")
+    several = results["class"].n_unique() > 1
+    table = new_table(title, ("Place", *(CLASS if several else ()), *heads), lean=True)
 
     def seconds(value: float | None) -> str:
         return "" if value is None else f"{value:.3f}"
 
     for row in results.iter_rows(named=True):
         table.add_row(
-            *(str(row["place"]), str(row["slot"]), row["name"], str(row["laps"])),
+            str(row["place"]),
+            *((row["class"], str(row["class_place"])) if several else ()),
+            *(str(row["slot"]), row["name"], str(row["laps"])),
             seconds(row["race_time_s"]) or row["ending"].replace("_", " "),
             seconds(row["best_lap_s"]),
             *(str(row[count]) for count in ("stops", "contacts", "penalties")),

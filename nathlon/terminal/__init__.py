@@ -22,7 +22,10 @@ def console(stderr: bool = False) -> Terminal:
 
 
 def new_table(
-    title: str | None, columns: Iterable[str], words: Collection[str] = ("Entrant",), lean: bool = False
+    title: str | None,
+    columns: Iterable[str],
+    words: Collection[str] = ("Entrant", "Class"),
+    lean: bool = False,
 ) -> Table:
     """A table without rows; a lean one has a line below its head only.
 

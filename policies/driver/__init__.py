@@ -30,6 +30,8 @@ from nathlon.sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, Track
 
 CARE = 0.9
 """Share of the grip found in practice that a driver uses among others and off its line."""
+YIELDING = 0.85
+"""Share of its pace at which it lets by who is about to lap it."""
 ASIDE_M = 1.0
 """Its speeds there hold for a line moved so far to either side."""
 TURNING_CIRCLE = 1.2
@@ -116,19 +118,26 @@ class Follower:
         """See `Policy.act`."""
         return self._drive(observations, memory, self.pace, self._knowledge)
 
-    def act_on_grip(
+    def act_when_told(
         self,
         observations: Batch,
         memory: Batch,
         grip: NDArray[np.float64],
         peak: NDArray[np.float64],
+        flagged: NDArray[np.bool_],
     ) -> tuple[Batch, Batch]:
-        """As `act`, with the present grip and slip at its peak of each car, (n,), as multiples of its own."""
+        """As `act`, knowing more.
+
+        Args:
+            observations, memory: as of `act`.
+            grip, peak: (n,) of each car at present, and its slip at the peak, as multiples of its own.
+            flagged: (n,) who is shown a blue flag.
+        """
         actions, remembered = np.empty_like(memory), np.empty_like(memory)
-        felt = np.stack([grip, peak], axis=1)
-        for here in np.unique(felt, axis=0):
-            rows = (felt == here).all(axis=1)
-            pace = self.pace * float(here[0]) ** SLOWER
+        told = np.stack([grip, peak, np.where(flagged, YIELDING, 1.0)], axis=1)
+        for here in np.unique(told, axis=0):
+            rows = (told == here).all(axis=1)
+            pace = self.pace * float(here[0]) ** SLOWER * float(here[2])
             knows = self._knowledge._replace(peak_slip=self._knowledge.peak_slip * float(here[1]))
             actions[rows], remembered[rows] = self._drive(observations[rows], memory[rows], pace, knows)
         return actions, remembered

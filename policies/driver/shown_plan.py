@@ -28,15 +28,19 @@ from nathlon.sim.world import World
 
 
 def show_plan(world: World, *specs: ObservationSpec) -> None:
-    """Show a world the plan for its circuit, car and conditions, if one of some specs sees it.
+    """Show a world the plans for its circuit, cars and conditions, if one of some specs sees them.
 
     Raises:
         InputError: if the driver cannot get round.
     """
-    if world.plan is None and any(spec.planned for spec in specs):
-        fitted, own = world.conditions.compound, world.car.tyre.compound
-        grip = world.conditions.grip.tarmac * compound_ratio(own, fitted or own)[0]
-        world.show(plan_of(world.track, with_grip(world.car, grip)))
+    if not world.plans and any(spec.planned for spec in specs):
+        world.show(*(plan_of(world.track, _as_there(model, world)) for model in world.models))
+
+
+def _as_there(car: Car, world: World) -> Car:
+    """A car with the grip that it has in a world."""
+    grip = compound_ratio(car.tyre.compound, world.first_compound(car))[0]
+    return with_grip(car, world.conditions.grip.tarmac * grip)
 
 
 @lru_cache

@@ -9,6 +9,7 @@ from nathlon.policies.driver import Follower
 from nathlon.policies.planning.mppi import Mppi
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.blue_flags import NOBODY
 from nathlon.sim.world import World
 
 __all__ = ["Mppi", "Scene", "decide"]
@@ -25,7 +26,7 @@ def decide(
     """What a policy does in a world; see `Policy.act`.
 
     Only nathlon's own planner is shown the world: a policy that is anybody's code could change it. The
-    built-in driver feels the grip, where there is weather.
+    built-in driver feels the grip where there is weather, and sees blue flags where any are shown.
 
     Args:
         policy: drives the cars.
@@ -35,8 +36,11 @@ def decide(
     """
     if isinstance(policy, Mppi):
         return policy.plan(Scene(world, races, cars), observations, memory)
-    if isinstance(policy, Follower) and world.conditions.weather:
-        return policy.act_on_grip(observations, memory, *grips(world, races, cars))
+    if isinstance(policy, Follower):
+        flagged, own = world.state["flagged_for"][races, cars] != NOBODY, np.ones(len(cars))
+        if world.conditions.weather or flagged.any():
+            felt = grips(world, races, cars) if world.conditions.weather else (own, own)
+            return policy.act_when_told(observations, memory, *felt, flagged)
     return policy.act(observations, memory)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch
+from nathlon.sim.car import Car
 from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.expressions import Readings
 from nathlon.sim.instruments import AMONG_CARS, Instruments, Transition
@@ -94,11 +95,12 @@ class Outlook:
 class Foresight:
     """Copies of the planned cars with the rivals near them, to be driven ahead; those of a car together."""
 
-    def __init__(self, world: World, cars: int, copies: int, prior: Prior) -> None:
+    def __init__(self, world: World, car: Car, cars: int, copies: int, prior: Prior) -> None:
         """Nothing is foreseen yet.
 
         Args:
-            world: whose circuit, car and conditions are those of the copies.
+            world: whose circuit, cars and conditions are those of the copies.
+            car: the model that is planned.
             cars: that are planned.
             copies: of each.
             prior: drives the rivals.
@@ -106,13 +108,12 @@ class Foresight:
         self._rivals = min(RIVALS, world.state.shape[1] - 1)
 
         def model(races: int) -> World:
-            copies = World(world.track, world.car, races, 1 + self._rivals, world.conditions, world.rules)
-            if world.plan:
-                copies.show(world.plan)
+            copies = World(world.track, world.models, races, 1 + self._rivals, world.conditions, world.rules)
+            copies.show(*world.plans)
             return copies
 
         self._model, self._outlook = model(cars * copies), Outlook(model(cars), prior)
-        self._instruments = Instruments(world.track, world.car, AGENT_DT)
+        self._instruments = Instruments(world.track, car, AGENT_DT)
         self._own = np.arange(cars * copies), np.zeros(cars * copies, np.int64)
         self._actions = np.zeros((cars * copies, 1 + self._rivals, 2))
         self._copies = copies

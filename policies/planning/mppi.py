@@ -110,7 +110,7 @@ class Mppi:
     def _drive(self, scene: Scene, drawn: Floats, actions: Actions) -> Floats:
         """What each of the drawn sequences is worth, (n, samples)."""
         n = len(scene.races)
-        foresight = self._foresight(scene.world, n)
+        foresight = self._foresight(scene)
         foresight.begin(scene, STEPS)
         deviations = np.einsum("tk,nskc->tnsc", self._between, drawn).reshape(STEPS, n * SAMPLES, 2)
         score = np.zeros(n * SAMPLES)
@@ -131,9 +131,11 @@ class Mppi:
         plan = memory[:, 1:].astype(np.float64).reshape(len(memory), len(KNOTS), 2)
         return np.einsum("nlk,nkc->nlc", _between(since[:, None] + KNOTS), plan)
 
-    def _foresight(self, world: World, cars: int) -> Foresight:
+    def _foresight(self, scene: Scene) -> Foresight:
+        world, cars = scene.world, len(scene.cars)
         if self._scratch is None or self._scratch[0] is not world or self._scratch[1] != cars:
-            self._scratch = world, cars, Foresight(world, cars, SAMPLES, self._prior)
+            car = world.model(int(scene.races[0]), int(scene.cars[0]))
+            self._scratch = world, cars, Foresight(world, car, cars, SAMPLES, self._prior)
         return self._scratch[2]
 
 

@@ -39,6 +39,16 @@ def is_path(source: str) -> bool:
     return source.partition(":")[0] not in (DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM)
 
 
+CAR_SETTING = "?car="
+"""Stands between the source of an entrant and the car that it drives, in events."""
+
+
+def source_and_car(given: str) -> tuple[str, str | None]:
+    """What `SOURCE?car=NAME` says; no car where it names none."""
+    source, found, car = given.rpartition(CAR_SETTING)
+    return (source, car) if found else (given, None)
+
+
 def suffix_of(source: str | Path) -> str:
     """What the name of a file ends with, in small letters: one of SUFFIXES where it may hold a policy.
 

@@ -39,29 +39,36 @@ class Touch(NamedTuple):
 
 
 @lean_inlined
-def reach_on(axis_x: float, axis_y: float, a: CarRecord, b: CarRecord, p: CarParameters) -> float:
+def reach_on(
+    axis_x: float, axis_y: float, a: CarRecord, b: CarRecord, of_a: CarParameters, of_b: CarParameters
+) -> float:
     """Distance (m) of two cars' centres along a unit axis below which their boxes overlap on it."""
     reach = 0.0
-    for cos_yaw, sin_yaw in ((a.cos_yaw, a.sin_yaw), (b.cos_yaw, b.sin_yaw)):
+    for cos_yaw, sin_yaw, half_length, half_width in (
+        (a.cos_yaw, a.sin_yaw, of_a.half_length, of_a.half_width),
+        (b.cos_yaw, b.sin_yaw, of_b.half_length, of_b.half_width),
+    ):
         along = cos_yaw * axis_x + sin_yaw * axis_y
         across = cos_yaw * axis_y - sin_yaw * axis_x
-        reach += p.half_length * abs(along) + p.half_width * abs(across)
+        reach += half_length * abs(along) + half_width * abs(across)
     return reach
 
 
 @lean_inlined
-def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float, float, int]:
+def corners_inside(
+    a: CarRecord, b: CarRecord, of_a: CarParameters, of_b: CarParameters
+) -> tuple[float, float, int]:
     """Sum of the world positions of a's corners that lie in b's box, and their number."""
     sum_x = sum_y = 0.0
     count = 0
     for corner in range(4):
-        x = p.half_length if corner < 2 else -p.half_length
-        y = p.half_width if corner % 2 == 0 else -p.half_width
+        x = of_a.half_length if corner < 2 else -of_a.half_length
+        y = of_a.half_width if corner % 2 == 0 else -of_a.half_width
         world_x = a.x + x * a.cos_yaw - y * a.sin_yaw
         world_y = a.y + x * a.sin_yaw + y * a.cos_yaw
         along = (world_x - b.x) * b.cos_yaw + (world_y - b.y) * b.sin_yaw
         across = (world_y - b.y) * b.cos_yaw - (world_x - b.x) * b.sin_yaw
-        if abs(along) <= p.half_length and abs(across) <= p.half_width:
+        if abs(along) <= of_b.half_length and abs(across) <= of_b.half_width:
             sum_x += world_x
             sum_y += world_y
             count += 1
@@ -69,7 +76,7 @@ def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float,
 
 
 @lean_inlined
-def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
+def collide(a: CarRecord, b: CarRecord, dt: float, of_a: CarParameters, of_b: CarParameters) -> Touch:
     """Resolve the contact of two cars, if there is one.
 
     The normal is that of the axis on which the boxes came together last, so that cars which met
@@ -89,7 +96,7 @@ def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
         axis_x, axis_y = (car.cos_yaw, car.sin_yaw) if side % 2 == 0 else (-car.sin_yaw, car.cos_yaw)
         offset = dx * axis_x + dy * axis_y
         moved = (relative_x * axis_x + relative_y * axis_y) * dt
-        reach = reach_on(axis_x, axis_y, a, b, p)
+        reach = reach_on(axis_x, axis_y, a, b, of_a, of_b)
         if abs(offset) >= reach:
             return apart
         sign = 1.0 if offset >= moved else -1.0
@@ -99,14 +106,14 @@ def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
             latest, depth = met, overlap
             normal_x, normal_y = sign * axis_x, sign * axis_y
 
-    ax, ay, in_b = corners_inside(a, b, p)
-    bx, by, in_a = corners_inside(b, a, p)
+    ax, ay, in_b = corners_inside(a, b, of_a, of_b)
+    bx, by, in_a = corners_inside(b, a, of_b, of_a)
     if in_a + in_b > 0:
         point_x, point_y = (ax + bx) / (in_a + in_b), (ay + by) / (in_a + in_b)
     else:
         point_x, point_y = 0.5 * (a.x + b.x), 0.5 * (a.y + b.y)
 
-    closing = -bounce(a, b, point_x, point_y, normal_x, normal_y, p)
+    closing = -bounce(a, b, point_x, point_y, normal_x, normal_y, of_a, of_b)
     share = b.mass / (a.mass + b.mass)
     a.x -= share * depth * normal_x
     a.y -= share * depth * normal_y
@@ -117,7 +124,14 @@ def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
 
 @lean_inlined
 def bounce(
-    a: CarRecord, b: CarRecord, x: float, y: float, normal_x: float, normal_y: float, p: CarParameters
+    a: CarRecord,
+    b: CarRecord,
+    x: float,
+    y: float,
+    normal_x: float,
+    normal_y: float,
+    of_a: CarParameters,
+    of_b: CarParameters,
 ) -> float:
     """Exchange impulses at a point between cars that close in on each other.
 
@@ -131,22 +145,22 @@ def bounce(
     parting = (vb_x - va_x) * normal_x + (vb_y - va_y) * normal_y
     if parting >= 0.0:
         return parting
-    give = mobility(a, arm_ax, arm_ay, normal_x, normal_y, p)
-    give += mobility(b, arm_bx, arm_by, normal_x, normal_y, p)
+    give = mobility(a, arm_ax, arm_ay, normal_x, normal_y, of_a)
+    give += mobility(b, arm_bx, arm_by, normal_x, normal_y, of_b)
     restitution = CAR_RESTITUTION if parting < -RESTING else 0.0
     impulse = -(1.0 + restitution) * parting / give
-    push(a, arm_ax, arm_ay, -impulse * normal_x, -impulse * normal_y, p)
-    push(b, arm_bx, arm_by, impulse * normal_x, impulse * normal_y, p)
+    push(a, arm_ax, arm_ay, -impulse * normal_x, -impulse * normal_y, of_a)
+    push(b, arm_bx, arm_by, impulse * normal_x, impulse * normal_y, of_b)
 
     tangent_x, tangent_y = -normal_y, normal_x
     va_x, va_y = point_velocity(a, arm_ax, arm_ay)
     vb_x, vb_y = point_velocity(b, arm_bx, arm_by)
     sliding = (vb_x - va_x) * tangent_x + (vb_y - va_y) * tangent_y
-    give = mobility(a, arm_ax, arm_ay, tangent_x, tangent_y, p)
-    give += mobility(b, arm_bx, arm_by, tangent_x, tangent_y, p)
+    give = mobility(a, arm_ax, arm_ay, tangent_x, tangent_y, of_a)
+    give += mobility(b, arm_bx, arm_by, tangent_x, tangent_y, of_b)
     rub = min(max(-sliding / give, -CAR_FRICTION * impulse), CAR_FRICTION * impulse)
-    push(a, arm_ax, arm_ay, -rub * tangent_x, -rub * tangent_y, p)
-    push(b, arm_bx, arm_by, rub * tangent_x, rub * tangent_y, p)
+    push(a, arm_ax, arm_ay, -rub * tangent_x, -rub * tangent_y, of_a)
+    push(b, arm_bx, arm_by, rub * tangent_x, rub * tangent_y, of_b)
     set_body_velocity(a)
     set_body_velocity(b)
     return parting

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+from nathlon.sim.car import CarParameters
+from nathlon.sim.car_models import parameters_of
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.physics.pit_lane import on_road
-from nathlon.sim.state import Cars
+from nathlon.sim.state import CarRecord, Cars
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
@@ -28,7 +30,13 @@ def wake(behind: float, beside: float) -> float:
 
 
 @lean_inlined
-def set_draught(cars: Cars, car_length: float, course: CourseParameters) -> None:
+def half_length(car: CarRecord, models: CarParameters) -> float:
+    """Half the length of a car, m."""
+    return parameters_of(models, car.model).half_length
+
+
+@lean_inlined
+def set_draught(cars: Cars, models: CarParameters, course: CourseParameters) -> None:
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):
         follower = cars[i]
@@ -39,6 +47,7 @@ def set_draught(cars: Cars, car_length: float, course: CourseParameters) -> None
             leader = cars[j]
             if i == j or not on_road(leader) or leader.velocity_x < 10.0:
                 continue
+            car_length = half_length(follower, models) + half_length(leader, models)
             dx = leader.x - follower.x
             dy = leader.y - follower.y
             if dx * dx + dy * dy > (REACH + car_length) ** 2 or on_other_level(leader, follower, course):

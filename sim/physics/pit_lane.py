@@ -226,7 +226,7 @@ def settle(car: CarRecord, speed: float, p: CarParameters) -> None:
     car.carried_x = car.carried_y = 0.0
     car.shifting = 0.0
     car.gear = 0
-    while car.gear < len(p.ratios) - 1 and speed / p.radius * p.ratios[car.gear] * RPM > p.shift_up_rpm:
+    while car.gear < p.gears - 1 and speed / p.radius * p.ratios[car.gear] * RPM > p.shift_up_rpm:
         car.gear += 1
 
 

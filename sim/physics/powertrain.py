@@ -67,7 +67,7 @@ def shift(car: CarRecord, driven_spin: float, dt: float, p: CarParameters) -> No
         car.shifting -= dt
         return
     rpm = driven_spin * p.ratios[car.gear] * RPM
-    if rpm > p.shift_up_rpm and car.gear < len(p.ratios) - 1:
+    if rpm > p.shift_up_rpm and car.gear < p.gears - 1:
         car.gear += 1
         car.shifting = p.shift_time
     elif car.gear > 0 and rpm < p.shift_down_rpm:

@@ -12,7 +12,7 @@ from nathlon.arena.qualifying import qualify
 def test_the_faster_start_in_front_and_those_without_a_lap_behind(pool: Pool) -> None:
     names = ["driver:pace=0.2", "driver:pace=0.8", "driver:pace=0.9"]
     entrants = [enter(name, "lindenring", "gt3") for name in names]
-    timed = qualify(pool, entrants, "lindenring", "gt3", seed=1)
+    timed = qualify(pool, entrants, seed=1)
     # At a fifth of the pace a lap of 5.8 km takes longer than the six minutes there are.
     assert [entrant.source for entrant, _ in timed] == [names[2], names[1], names[0]]
     fast, slow, none = (lap_s for _, lap_s in timed)

@@ -150,17 +150,30 @@ def test_places_are_those_when_the_leader_completes_a_lap() -> None:
     ]
 
 
+def placed(rows: list[tuple[int, str, str, int, float]]) -> pl.DataFrame:
+    """Results of a race, by place in class."""
+    columns = ("slot", "name", "class", "class_place", "points")
+    return pl.DataFrame(rows, columns, orient="row").with_columns(place=pl.col("class_place"))
+
+
 def test_wins_decide_between_equal_points() -> None:
-    schema = {"slot": pl.Int64, "name": pl.String, "place": pl.Int64, "points": pl.Float64}
-    first = [(1, "a", 2, 8.0), (2, "b", 1, 10.0), (3, "c", 3, 6.0)]
-    second = [(1, "b", 4, 5.0), (2, "a", 3, 7.0), (3, "c", 1, 10.0)]
-    table = season_table(
-        {name: pl.DataFrame(rows, schema, orient="row") for name, rows in (("x", first), ("y", second))}
-    )
+    first = [(1, "a", "gt3", 2, 8.0), (2, "b", "gt3", 1, 10.0), (3, "c", "gt3", 3, 6.0)]
+    second = [(1, "b", "gt3", 4, 5.0), (2, "a", "gt3", 3, 7.0), (3, "c", "gt3", 1, 10.0)]
+    table = season_table({"x": placed(first), "y": placed(second)})
     assert table.rows() == [
-        (1, "c", 16.0, 1, 6.0, 10.0),
-        (2, "b", 15.0, 1, 10.0, 5.0),
-        (3, "a", 15.0, 0, 8.0, 7.0),
+        ("gt3", 1, "c", 16.0, 1, 6.0, 10.0),
+        ("gt3", 2, "b", 15.0, 1, 10.0, 5.0),
+        ("gt3", 3, "a", 15.0, 0, 8.0, 7.0),
+    ]
+
+
+def test_each_class_of_a_season_has_places_of_its_own() -> None:
+    raced = [(1, "a", "gt3", 1, 10.0), (2, "b", "prototype", 1, 10.0), (3, "c", "gt3", 2, 8.0)]
+    table = season_table({"x": placed(raced)})
+    assert table.rows() == [
+        ("gt3", 1, "a", 10.0, 1, 10.0),
+        ("gt3", 2, "c", 8.0, 0, 8.0),
+        ("prototype", 1, "b", 10.0, 1, 10.0),
     ]
 
 
@@ -203,7 +216,7 @@ def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:
     names = pl.when(pl.col("car") == 0).then(pl.lit("<first>")).otherwise(pl.lit("second"))
     chapters = [
         table_chapter("Race", [["1", "<first>"]], ("Place", "Entrant")),
-        lap_chapter(laps().with_columns(name=names), "Laps"),
+        lap_chapter(laps().with_columns(name=names, **{"class": pl.lit("gt3")}), "Laps"),
     ]
     text = write_event_page(tmp_path, "second wins", "a race", chapters).read_text("utf-8")
     assert "&lt;first&gt;" in text

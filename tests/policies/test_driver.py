@@ -254,9 +254,27 @@ def test_the_driver_feels_the_rain() -> None:
     assert felt["progress"] > 2500.0
     whole = np.ones(1)
     for once, again in zip(
-        driver.act(seen, memories[1]), driver.act_on_grip(seen, memories[1], whole, whole), strict=True
+        driver.act(seen, memories[1]),
+        driver.act_when_told(seen, memories[1], whole, whole, whole == 0.0),
+        strict=True,
     ):
         np.testing.assert_array_equal(once, again)
+
+
+def test_the_driver_slows_down_on_its_line_for_a_blue_flag() -> None:
+    driver, races = Driver("lindenring", "gt3"), np.arange(2)
+    world = World(TRACK, GT3, 2, 1)
+    for race in range(2):
+        world.reset(race, start_at([-150.0], speed=30.0))
+    world.state["flagged_for"][1] = 5
+    memory = driver.initial_memory(2)
+    for _ in range(300):
+        seen = world.observe(driver.observation_spec, races, 0 * races)
+        actions, memory = decide(driver, world, races, 0 * races, seen, memory)
+        world.step(actions[:, None])
+    free, flagged = world.state[:, 0]
+    assert flagged["progress"] < free["progress"] - 100.0
+    assert flagged["off_course_s"] == free["off_course_s"] == 0.0
 
 
 def test_each_row_of_a_batch_is_driven_alone() -> None:

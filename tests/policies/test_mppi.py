@@ -94,7 +94,7 @@ def test_planning_leaves_the_world_as_it_is_and_repeats_to_the_bit() -> None:
 def test_what_is_foreseen_for_a_car_alone_is_what_happens() -> None:
     episodes = races("1v0", 2, seconds=5.0)
     world = episodes.world
-    foresight = Foresight(world, 2, 3, prior())
+    foresight = Foresight(world, world.car, 2, 3, prior())
     foresight.begin(Scene(world, *everybody(world)), 15)
     rng = np.random.default_rng(1)
     for _ in range(15):
@@ -108,7 +108,7 @@ def test_rivals_go_where_they_would_if_the_policy_drove_them() -> None:
     world = races("1v1", 4, seconds=5.0).world
     policy, (where, cars) = load_policy(str(CHECKPOINT), CIRCUIT, CAR), everybody(world)
     first = cars == 0
-    foresight = Foresight(world, 4, 1, prior())
+    foresight = Foresight(world, world.car, 4, 1, prior())
     foresight.begin(Scene(world, where[first], cars[first]), 15)
     for _ in range(15):
         seen = world.observe(policy.observation_spec, where, cars)
@@ -132,7 +132,7 @@ def test_a_rival_is_touched_where_it_is() -> None:
     state["velocity_x"][1] += 20.0
     state["world_velocity_x"][1] += 20.0 * np.cos(heading[0])
     state["world_velocity_y"][1] += 20.0 * np.sin(heading[0])
-    foresight = Foresight(world, 1, 1, prior())
+    foresight = Foresight(world, world.car, 1, 1, prior())
     foresight.begin(Scene(world, np.array([0]), np.array([0])), 5)
     gaps, touching = [], []
     for _ in range(5):

@@ -420,6 +420,6 @@ def test_what_the_example_with_a_camera_trains_races(tmp_path: Path) -> None:
     source = str(tmp_path / "sac_camera.zip")
     entrants = [enter(each, "lindenring", "gt3") for each in (source, "driver")]
     assert (entrants[0].algorithm, entrants[0].step) == ("SB3 SAC", 3)
-    match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
+    match = single_race(entrants, "slipstream_pass", seed=1)
     results = run_match(match, [load_policy(each, "lindenring", "gt3") for each in (source, "driver")])
     assert not results["ending"].is_in(POLICY_FAULTS).any()

@@ -47,10 +47,10 @@ def test_it_is_made_once_for_those_who_see_it_and_for_the_grip_that_there_is(
     conditions = Conditions(compound="racing-soft", grip=SurfaceGrip(tarmac=0.7))
     world = World(TRACK, CAR, 1, 1, conditions)
     show_plan(world, ObservationSpec(), ObservationSpec(version=ANY_CAR))
-    assert world.plan is None
+    assert not world.plans
     for _ in range(2):
         show_plan(world, ObservationSpec(), ObservationSpec(version=PLANNED))
-    assert world.plan is not None
+    assert world.plans
     [car] = asked
     grip = 0.7 * compound_ratio(CAR.tyre.compound, "racing-soft")[0]
     assert car.tyre.friction_lateral[0] == pytest.approx(grip * CAR.tyre.friction_lateral[0])

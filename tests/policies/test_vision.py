@@ -187,7 +187,7 @@ def test_it_races_the_same_to_the_bit_and_remembers(path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(Team, "act", noted)
     entrants = [enter(source, "lindenring", "gt3") for source in (str(path), "driver")]
-    match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
+    match = single_race(entrants, "slipstream_pass", seed=1)
     policies = [load_policy(str(path), "lindenring", "gt3"), Driver("lindenring", "gt3")]
     results = [run_match(match, policies) for _ in range(2)]
     assert results[0].equals(results[1])

@@ -43,7 +43,7 @@ def raced(tmp_path_factory: pytest.TempPathFactory) -> Raced:
             return super().act(observations, memory)
 
     entrants = [enter(source, "lindenring", "gt3") for source in (str(path), "driver")]
-    match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
+    match = single_race(entrants, "slipstream_pass", seed=1)
     policies: list[Any] = [Watched(card(), "eye", tensors(card())), Driver("lindenring", "gt3")]
     log = record_races(match, policies, [0], ["eye", "driver"]).logs[0]
     return Raced(log, log.names.index("eye"), np.stack(shown))

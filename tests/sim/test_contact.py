@@ -56,7 +56,7 @@ def cars(draw: st.DrawFn) -> NDArray[np.void]:
 
 
 def touch(pair: NDArray[np.void]) -> Touch:
-    return Touch(*collide(pair[0], pair[1], DYNAMICS_DT, P))
+    return Touch(*collide(pair[0], pair[1], DYNAMICS_DT, P, P))
 
 
 def energy(pair: NDArray[np.void]) -> float:
@@ -208,6 +208,15 @@ class TestOutcome:
         touch(pair)
         # The rear car is held back at its left, the front car pushed on at its right.
         assert (pair["yaw_rate"] > 0.1).all()
+
+    @pytest.mark.parametrize("ahead", [1, -1])
+    def test_cars_of_two_sizes_touch_where_their_boxes_meet(self, ahead: int) -> None:
+        pair, small = resting_pair(), P._replace(half_length=1.0, half_width=0.5)
+        for apart, touching in ((0.01, False), (-0.01, True)):
+            pair["x"], pair["y"] = [0.0, ahead * (P.half_length + 1.0 + apart)], 0.0
+            assert (Touch(*collide(pair[0], pair[1], DYNAMICS_DT, P, small)).closing >= 0.0) == touching
+            pair["x"], pair["y"] = 0.0, [0.0, ahead * (P.half_width + 0.5 + apart)]
+            assert (Touch(*collide(pair[0], pair[1], DYNAMICS_DT, P, small)).closing >= 0.0) == touching
 
     def test_cars_apart_do_not_touch(self) -> None:
         pair = resting_pair()

@@ -9,6 +9,7 @@ import pytest
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules, rule_parameters
+from nathlon.sim.scenario import load_scenario
 from tests.support.refusals import refusal
 
 SPORTING = (DATA / "rules" / "sporting.toml").read_text("utf-8")
@@ -30,6 +31,14 @@ def test_ones_own_rules_are_read_by_their_path(tmp_path: Path) -> None:
     p = rule_parameters(load_rules(str(path)))
     assert (p.warnings, p.cut_gain) == (0, 1.5)
     assert p._replace(warnings=3, cut_gain=4.0) == rule_parameters(load_rules("sporting"))
+
+
+def test_a_car_that_is_close_sees_the_flag(tmp_path: Path) -> None:
+    path = tmp_path / "rules.toml"
+    flags = "[blue_flags]\nshown_s = 1.0\nclose_s = 2.0\npatience_s = 9.0\npenalty_s = 5.0\n"
+    path.write_text(SPORTING + flags)
+    with refusal(path, "close_s must not lie above shown_s"):
+        load_rules(str(path))
 
 
 @pytest.mark.parametrize(
@@ -55,6 +64,14 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
         load_rules(str(path))
 
 
+def test_rules_are_a_setting_of_scenarios() -> None:
+    assert load_scenario("race:rules=blue_flags").rules == "blue_flags"
+    with pytest.raises(InputError, match="rules 'wild' is unknown"):
+        load_scenario("race:rules=wild")
+
+
 def test_unknown_rules_list_the_known() -> None:
-    with pytest.raises(InputError, match="rules 'wild' is unknown; expected one of free, sporting"):
+    with pytest.raises(
+        InputError, match="rules 'wild' is unknown; expected one of blue_flags, free, sporting"
+    ):
         load_rules("wild")

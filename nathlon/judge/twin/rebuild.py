@@ -62,7 +62,7 @@ def _single(
     sources = sources_of(log, store, named, "--entrant")
     first = {name: sources[car] for car, name in reversed(list(enumerate(log.names)))}
     entered = enter_all(pool, [first[name] for name in dict.fromkeys(log.names)], log.circuit, log.car)
-    match = single_race(entered, log.scenario, log.circuit, log.car, log.seed)
+    match = single_race(entered, log.scenario, log.seed)
     if match.key != log.match:
         raise InputError(
             f"{recording}: cannot be raced again: the simulator, its data or a policy have changed since, "

@@ -69,7 +69,7 @@ def _champion(pool: Pool, log: RaceLog, limit_s: float | None) -> Reference:
     [entrant] = enter_each(pool, [source], log.circuit, log.car)
     if isinstance(entrant, InputError):
         raise entrant
-    match = qualifying_match(entrant, log.circuit, log.car, SEED)
+    match = qualifying_match(entrant, SEED)
     [(_, answer)] = pool.record([Wanted(match, (0,), (entrant.name,), None)])
     if isinstance(answer, InputError):
         raise answer
