@@ -95,13 +95,13 @@ def test_an_event_tells_the_effects_of_policies_and_strategies(
     assert {match.scenario for match in matches} == {"grand_prix_stops"}
     table = answer.tables["strategies"]
     effects = {row["policy"] or row["strategy"]: row["effect"] for row in table.head(4).iter_rows(named=True)}
-    # Each drives five of the twenty cars, whose points are added.
-    assert effects == pytest.approx({name: 5 * points for name, points in POINTS.items()}, abs=0.3)
+    # Each drives five of the twenty cars; points are those of one.
+    assert effects == pytest.approx(POINTS, abs=0.06)
     assert set(table["entrant"].drop_nulls()) == {entrant.id for entrant in entrants}
     _print_strategies([Crossed(**row) for row in table.iter_rows(named=True)])
     head, *rows, effects_of_strategies = [
         line.split("│") for line in capsys.readouterr().out.splitlines() if "│" in line or "┃" in line
     ]
     assert [row[1].strip() for row in rows] == ["driver:pace=0.9", "driver:pace=0.8"]
-    assert re.fullmatch(r"\+2\.\d\d \(\+2\.\d\d to \+2\.\d\d\)", effects_of_strategies[2].strip())
+    assert re.fullmatch(r"\+0\.\d\d \(\+0\.\d\d to \+0\.\d\d\)", effects_of_strategies[2].strip())
     assert "early" in head[0]
