@@ -38,7 +38,7 @@ ALIKE_DEVIATION = 1e-9
 
 
 @dataclass(frozen=True)
-class Answers:
+class StageAnswers:
     """What the stages of a selection answered.
 
     Attributes:
@@ -71,7 +71,7 @@ class Answers:
         return None if "tournament" in self.set_aside else unit_deviation(self.raced.results)
 
 
-def summarise(run: Run, field: EntryList, config: Config, answers: Answers) -> Summary:
+def summarise(run: Run, field: EntryList, config: Config, answers: StageAnswers) -> Summary:
     """What a selection came to, still without replays."""
     tested, raced, deviation = answers.tested, answers.raced, answers.deviation
     ranking, references = raced.tables["ranking"], len(field.anchors)

@@ -22,7 +22,7 @@ from nathlon.results.forecast import Forecast
 from nathlon.results.standing import ActionTime
 from nathlon.results.summary import Summary
 from nathlon.selection.action_times import time_actions
-from nathlon.selection.answers import Answers, summarise
+from nathlon.selection.answers import StageAnswers, summarise
 from nathlon.selection.battery import run_battery
 from nathlon.selection.committee import ask
 from nathlon.selection.committee.event_log import EventLog
@@ -96,7 +96,7 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     gone = [one for one in candidates if is_path(one.source) and not is_still(one.source, one.id)]
     candidates = [entrant for entrant in candidates if entrant not in gone]
     decision = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    answers = Answers(expected, filtered, tested, raced, set_aside, times, gone, decision)
+    answers = StageAnswers(expected, filtered, tested, raced, set_aside, times, gone, decision)
     summary = summarise(run, field, config, answers)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if decision.result is None else summary
