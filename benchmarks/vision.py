@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from benchmarks.champions import places, race_match
+from benchmarks.champions import SEED, places, race_match
 from benchmarks.ladders import ladder
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, drive_alone
@@ -62,7 +62,6 @@ RACES, DRIVERS = 10, f"{DRIVER}:pace=0.95"
 """From the back, and against whom."""
 GRAND_PRIX, CROWD = "grand_prix", tuple(f"{DRIVER}:pace={pace}" for pace in (0.88, 0.89, 0.9, 0.91, 0.92))
 """Races of twenty, and who else is in them."""
-SEED = 4711
 ASKED = 200
 """How often an action is asked for."""
 Figures = dict[str, Any]
@@ -129,12 +128,12 @@ def crowded(entrant: Entrant, races: int) -> Match:
 def came(match: Match, entrant: Entrant) -> tuple[int, Figures]:
     """How many races an entrant won, and how it raced."""
     rows = run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
-    came = places(rows)
-    return came["wins"], {
+    found = places(rows)
+    return found["wins"], {
         "finished": rows.filter(pl.col("ending") == "finished").height,
         "in_first_three": rows.filter(pl.col("place") <= 3).height,
-        "mean_place": round(came["mean_place"], 2),
-        "at_fault_per_km": came["at_fault_per_km"],
+        "mean_place": round(found["mean_place"], 2),
+        "at_fault_per_km": found["at_fault_per_km"],
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nathlon.results.part import ResultModel
-from nathlon.results.words import an_episode, episodes
+from nathlon.results.words import an_episode, counted, episodes
 
 
 class StageForecast(ResultModel):
@@ -104,7 +104,7 @@ def _duration(hours: float) -> str:
 def sentences(forecast: Forecast) -> list[str]:
     """What it comes to, for people."""
     one, several = an_episode(forecast.episode), episodes(forecast.episode)
-    workers = f"{forecast.workers} worker{'' if forecast.workers == 1 else 's'}"
+    workers = counted(forecast.workers, "worker")
     cost = "" if forecast.hours is None else f", {_duration(forecast.hours)} with {workers}"
     many = f"{forecast.newcomers:,} checkpoint{' needs' if forecast.newcomers == 1 else 's need'}"
     said = [f"{many} about {forecast.races:,} {several}{cost}."]

@@ -9,7 +9,7 @@ import polars as pl
 
 from nathlon.arena.voids import NotJudged, most_void
 from nathlon.results.part import ResultModel
-from nathlon.results.words import STAGES
+from nathlon.results.words import STAGES, counted
 
 NAMED = 3
 """Of those that could not be judged, in a sentence."""
@@ -54,14 +54,13 @@ def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
     """A sentence on how many car runs are void, and who could not be judged for them; '' where none are."""
     if not void:
         return ""
-    counted = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
+    found = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
     if not not_judged:
-        return f"{counted}."
+        return f"{found}."
     first = [
-        f"{one.name} ({one.void:,} of {one.runs:,} {one.unit}{'' if one.runs == 1 else 's'} in the "
-        f"{STAGES[one.stage]})"
+        f"{one.name} ({one.void:,} of {counted(one.runs, one.unit)} in the {STAGES[one.stage]})"
         for one in not_judged
     ]
     more = len(first) - NAMED
     shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
-    return f"{counted}; could not be judged: {', '.join(shown)}."
+    return f"{found}; could not be judged: {', '.join(shown)}."
