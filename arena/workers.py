@@ -24,7 +24,8 @@ READY = "ready"
 """What a worker sends when it waits for something to do."""
 
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
-_CONTEXT.set_forkserver_preload(["nathlon.policies.preloaded"])
+# Threads that polars starts as it is imported wait for work, and hold nothing that a fork would leave locked.
+_CONTEXT.set_forkserver_preload(["nathlon.policies.preloaded", "nathlon.arena.serving"])
 LONGEST_FOLDER = 80
 """Letters in the path of a folder for sockets: those of a socket are limited."""
 

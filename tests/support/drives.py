@@ -72,6 +72,17 @@ class Hurry:
 
 def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
     """A race to its end, and its frames: inputs are drawn for a while, then the person stops for good."""
+    driven, frames = _driven(made, seed)
+    assert driven is not None
+    return driven, frames
+
+
+def opening(made: DrivePlan, seed: int) -> list[bytes]:
+    """The frames of a race for as long as inputs are drawn; then the person leaves it."""
+    return _driven(made, seed, leaves=STOP)[1]
+
+
+def _driven(made: DrivePlan, seed: int, leaves: int | None = None) -> tuple[DrivenHeat | None, list[bytes]]:
     rng, buffer = np.random.default_rng(seed), InputBuffer()
     frames: list[bytes] = []
     ended: list[DrivenHeat | None] = []
@@ -80,7 +91,9 @@ def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
         frames.append(frame)
         if len(frames) == MARKED:
             heat.mark()
-        if len(frames) > STOP:
+        if len(frames) == leaves:
+            heat.leave()
+        elif len(frames) > STOP:
             buffer.put(inputs(len(frames), brake=1.0))
         elif len(frames) % 7 == 0:
             buffer.put(inputs(len(frames), rng.uniform(-0.2, 0.2), rng.uniform(0.4, 1.0)))
@@ -90,7 +103,6 @@ def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
     )
     heat.run()
     [driven] = ended
-    assert driven is not None
     return driven, frames
 
 
