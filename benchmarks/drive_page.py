@@ -44,8 +44,8 @@ GETTING_READY_MS = 300_000
 class Served:
     """The server of a test drive, on a thread of its own."""
 
-    def __init__(self, folder: Path, clock: LedClock) -> None:
-        self._folder, self._clock = folder, clock
+    def __init__(self, folder: Path, clock: LedClock, offer: Offer) -> None:
+        self._folder, self._clock, self._offer = folder, clock, offer
         self._opened = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
 
@@ -60,7 +60,7 @@ class Served:
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self.room = Room(Offer.of([], CIRCUIT, CAR), OutputFolder(self._folder), lambda: self._clock)
+        self.room = Room(self._offer, OutputFolder(self._folder), lambda: self._clock)
         self._task = asyncio.create_task(serve_drives(lambda: self.room, 0, self._open))
         await asyncio.gather(self._task, return_exceptions=True)
 
@@ -72,7 +72,7 @@ class Served:
 def lap(browser: Browser, style: Style) -> dict[str, Any]:
     """A lap on a page of its own."""
     clock = LedClock()
-    with TemporaryDirectory() as folder, Served(Path(folder), clock) as served:
+    with TemporaryDirectory() as folder, Served(Path(folder), clock, Offer.of([], CIRCUIT, CAR)) as served:
         page = browser.new_page()
         page.add_init_script(MAP + PADS)
         page.goto(served.url)

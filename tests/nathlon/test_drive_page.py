@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.steered_page import LedClock
+from nathlon.arena.incidents import Incident
 from nathlon.lab.drive.difficulty import LEVELS
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer
@@ -219,8 +220,12 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     drive.until("document.getElementById('news').textContent.includes('at 74.0% to 84.0% of its pace, calm')")
     drive.until("document.getElementById('order').textContent.includes('Built-in driver, 84 % pace, calm')")
     assert drive.room.heat is not None
-    assert drive.room.heat.plan.grid[:2] == tuple(
-        f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400")
+    ahead, other, own = drive.room.heat.plan.grid
+    assert (ahead, other) == tuple(f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400"))
+    told = Incident(1.0, "contact", (2, 0), f"3 {own} runs into the rear of 1 {ahead}")
+    drive.room._on_loop(drive.room._on_incident, told)
+    drive.until(
+        "document.getElementById('news').textContent.includes('1 Built-in driver, 84 % pace, calm')"
     )
     # Who has chosen nothing yet begins with what the server says.
     drive.page.evaluate(

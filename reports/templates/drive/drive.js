@@ -13,6 +13,7 @@ import { connect, newPlayback } from "./link.js";
 import { playedAgain } from "./again.js";
 import { newMenu, pauseDialog, resultDialog } from "./menu.js";
 import { newSound } from "./sound.js";
+import { called } from "./words.js";
 
 const SEND_MS = 1000 / 60;
 const READY = 3; // pictures after which the countdown may begin: a graphics driver may take seconds for the first ones
@@ -68,7 +69,7 @@ function start() {
     if (words.type === "paused") pause();
     if (words.type === "going on") resume();
     if (words.type === "stewards") driving?.hud.tell(words, driving.own);
-    if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
+    if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf({ ...words, nearest: words.nearest && called(words.nearest) })}`, cars: [driving.own], penalty_s: 0 }, driving.own);
     if (words.type === "questions") ask(words);
     if (words.type === "refused") refused(words.why);
     if (words.type === "result") await finish(words);

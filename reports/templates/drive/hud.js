@@ -74,6 +74,16 @@ export function newHud({ race, scene, reference }) {
   const apart = (ahead, behind) => (ahead.progress - behind.progress) / Math.max(behind.speed, 15);
 
   /**
+   * What the stewards say, with the cars called as in the order; the longest first, as "1 driver" is part of "11 driver:pace=0.9".
+   * @param {string} text
+   * @param {number[]} cars
+   */
+  function plain(text, cars) {
+    const names = cars.map((i) => race.cars[i].name).sort((one, other) => other.length - one.length);
+    return names.reduce((words, name) => words.replace(name, called(name)), text);
+  }
+
+  /**
    * @param {Frame} frame
    * @param {number} own
    * @param {number | null} delta s
@@ -137,7 +147,7 @@ export function newHud({ race, scene, reference }) {
      */
     tell({ text, cars, penalty_s: penalty }, own, times = 1) {
       const kind = `${cars.includes(own) ? "own" : ""} ${penalty > 0 ? "penalty" : ""}`;
-      const item = h("li", { class: kind }, text);
+      const item = h("li", { class: kind }, plain(text, cars));
       news.append(item);
       while (news.children.length > 4) news.children[0].remove();
       setTimeout(() => item.remove(), NEWS_MS * times);
