@@ -35,6 +35,11 @@ DRAWN = "[...document.querySelectorAll('figure')].every(figure => figure.querySe
 PLAYED_S = 35
 """After which a race has come far enough to be worth a picture."""
 SETTLED_MS = 1000
+SHORTEN = """root => {
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) texts.currentNode.data = texts.currentNode.data.replaceAll(root, "");
+}"""
+"""Script that has paths begin at a folder: where the pictures were taken is nobody's business."""
 
 
 def addresses(page: str) -> dict[str, str]:
@@ -93,6 +98,7 @@ def main(folder: Annotated[Path, typer.Argument(help="What a selection left.")])
             page.reload()
             while not page.evaluate(DRAWN):
                 page.wait_for_timeout(50)
+            page.evaluate(SHORTEN, f"{DOCS.parent.resolve()}/")
             sizes[name] = shoot(page, name)
         for player in players[:1]:
             page.goto(f"{player.resolve().as_uri()}#at={PLAYED_S}&car=0")
