@@ -10,7 +10,7 @@ import pytest
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
-from nathlon.lab.drive.blind import BlindTest, letters
+from nathlon.lab.drive.blind import BlindTest, letters, read_answers
 from nathlon.lab.drive.choice import Choice
 from nathlon.selection.committee import close, vote
 from nathlon.selection.committee.ballots import Ballot
@@ -161,7 +161,14 @@ def test_answers_that_do_not_fit_are_refused(run: tuple[Path, list[Entrant]]) ->
     test = blind(run[0])
     with pytest.raises(InputError, match="there is no race to answer for"):
         test.answer({})
-    with pytest.raises(InputError, match="A, B, C not raced yet, expected each letter at least once"):
+    with pytest.raises(InputError, match="A, B, C not met yet, expected each letter at least once"):
         test.cast()
     told = json.dumps(test.standing())
     assert not any(one.name in told or one.id[:8] in told for one in run[1])
+    told_scores = {"again": 4, "fair": 4, "room": 4, "beatable": 4}
+    one_met: dict[str, Any] = {"scores": {"A": told_scores, "B": None}, "better": None, "text": ""}
+    assert read_answers(one_met, ["A", "B"]).scores["B"] is None
+    with pytest.raises(InputError, match="better names one of two, expected null where only one was met"):
+        read_answers(one_met | {"better": "A"}, ["A", "B"])
+    with pytest.raises(InputError, match="expected some for A and C"):
+        read_answers(one_met, ["A", "C"])

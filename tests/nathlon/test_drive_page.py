@@ -224,9 +224,7 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     assert (ahead, other) == tuple(f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400"))
     told = Incident(1.0, "contact", (2, 0), f"3 {own} runs into the rear of 1 {ahead}")
     drive.room._on_loop(drive.room._on_incident, told)
-    drive.until(
-        "document.getElementById('news').textContent.includes('1 Built-in driver, 84 % pace, calm')"
-    )
+    drive.until("document.getElementById('news').textContent.includes('1 Built-in driver, 84 % pace, calm')")
     # Who has chosen nothing yet begins with what the server says.
     drive.page.evaluate(
         f"""choices => {{

@@ -89,11 +89,23 @@ def raced(drive: Drive, interrupted: bool = False) -> None:
     drive.until("document.getElementById('result').open")
 
 
-def answered(drive: Drive, better: str, scores: dict[str, tuple[int, int, int, int]], text: str = "") -> None:
+def answered(
+    drive: Drive,
+    better: str | None,
+    scores: dict[str, tuple[int, int, int, int]],
+    text: str = "",
+    missed: str = "",
+) -> None:
+    """Answer about those that were met; without a better one if there is a letter that was missed."""
+    if missed:
+        drive.page.check(f"[name='{missed} missed']")
     for letter, values in scores.items():
         for name, value in zip(("again", "fair", "room", "beatable"), values, strict=True):
             drive.page.check(f"[name='{letter} {name}'][value='{value}']")
-    drive.page.check(f"[name=better][value='{better}']")
+    if better is None:
+        assert drive.page.locator("[name=better]").first.is_disabled()
+    else:
+        drive.page.check(f"[name=better][value='{better}']")
     drive.page.fill("[name=text]", text)
     drive.picture("blind-questions")
     drive.page.click("#questions >> text=Keep these answers")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import combinations
@@ -43,14 +43,14 @@ class Questionnaire(BaseModel):
     """What the page has been told after a race.
 
     Attributes:
-        scores: by letter.
-        better: the letter that is preferred; None for neither.
+        scores: by letter; None for one that the driver did not meet.
+        better: the letter that is preferred; None for neither, and where only one was met.
         text: free.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    scores: dict[str, Scores]
+    scores: dict[str, Scores | None]
     better: str | None
     text: Annotated[str, Field(max_length=LONGEST_TEXT)]
 
@@ -186,24 +186,26 @@ class BlindTest:
         return {letter: self._letters[letter] for letter in names}
 
     def answer(self, told: object) -> None:
-        """Note the answers about the last race.
+        """Note the answers about the last race; if nobody was met in it, it is left out.
 
         Raises:
             InputError: if they do not fit it, or the vote is cast.
         """
         if self._unanswered is None:
             raise InputError("there is no race to answer for, expected one that has ended")
-        answers = read_json(json.dumps(told), Questionnaire, "the answers")
         driven, kept = self._unanswered
         raced = self._raced(driven.plan)
-        if set(answers.scores) != set(raced) or answers.better not in (None, *raced):
-            raise InputError(f"the answers: expected some for {' and '.join(raced)}")
+        answers = read_answers(told, raced)
+        met = {letter: scores for letter, scores in answers.scores.items() if scores is not None}
+        if not met:
+            return self.drop()
         drove = Drove(
             decision=self._decision,
             member=self._member,
             answers=tuple(
-                Answers(entrant=entrant, letter=letter, **answers.scores[letter].model_dump())
+                Answers(entrant=entrant, letter=letter, **met[letter].model_dump())
                 for letter, entrant in raced.items()
+                if letter in met
             ),
             better=None if answers.better is None else raced[answers.better],
             text=printable(answers.text.strip()),
@@ -224,16 +226,16 @@ class BlindTest:
         """Cast the ballot that follows from all answers.
 
         Raises:
-            InputError: if a letter has not been raced, or the vote is cast.
+            InputError: if a letter has not been met in a race, or the vote is cast.
         """
         with self._asked() as (event_log, decision):
             if missing := self._missing(decision):
-                raise InputError(f"{', '.join(missing)} not raced yet, expected each letter at least once")
+                raise InputError(f"{', '.join(missing)} not met yet, expected each letter at least once")
             cast_drives(event_log, decision, self._member)
         self.drop()
 
     def _races(self, decision: CommitteeDecision) -> dict[str, int]:
-        """How often each letter has been raced."""
+        """How often each letter has been met in a race."""
         drives = decision.drives_of(self._member)
         raced = [answer.entrant for drove in drives for answer in drove.answers]
         return {letter: raced.count(entrant) for letter, entrant in self._letters.items()}
@@ -268,6 +270,20 @@ class BlindTest:
             return raced.count(set(pair)), races[pair[0]] + races[pair[1]]
 
         return [order.index(letter) for letter in min(combinations(order, 2), key=met)]
+
+
+def read_answers(told: object, raced: Collection[str]) -> Questionnaire:
+    """What the page has told after a race against the two of some letters.
+
+    Raises:
+        InputError: if it does not fit them.
+    """
+    answers = read_json(json.dumps(told), Questionnaire, "the answers")
+    if set(answers.scores) != set(raced) or answers.better not in (None, *raced):
+        raise InputError(f"the answers: expected some for {' and '.join(raced)}")
+    if answers.better is not None and None in answers.scores.values():
+        raise InputError("the answers: better names one of two, expected null where only one was met")
+    return answers
 
 
 def letters(drawn_for: str, entrants: list[str]) -> dict[str, str]:

@@ -118,6 +118,7 @@ class Drove(Section):
     """A member has raced candidates that stood under letters; it counts only through the ballot that follows.
 
     Attributes:
+        answers: about those that the member met in the race.
         better: the one that the member prefers; None where there was nothing to tell.
         text: in the member's own words; may be empty.
         recording: of the race, a path from the run's folder.

@@ -27,7 +27,7 @@ export function showBlind({ driver, races, missing, approve, rank, names }, onCa
       ...said,
       h("div", { class: "go" },
         h("button", { type: "button", disabled: missing.length > 0, onclick: onCast }, "Cast my ballot"),
-        h("span", { class: "keys" }, missing.length ? `Race ${missing.join(", ")} first.` : "Then you are told who is who, and drive blind no more.")),
+        h("span", { class: "keys" }, missing.length ? `Meet ${missing.join(", ")} in a race first.` : "Then you are told who is who, and drive blind no more.")),
     ]));
 }
 
@@ -35,13 +35,26 @@ export function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop 
   const dialog = byId("questions", HTMLDialogElement);
   const choose = (name, options) => options.map(([value, text]) =>
     h("label", { class: "score" }, h("input", { type: "radio", name, value, required: true }), h("span", {}, text)));
-  const scores = letters.map((letter) => h("fieldset", {}, h("legend", {}, letter),
-    ASKED.map(([name, words]) => h("fieldset", { class: "asked" }, h("legend", {}, words), h("div", {}, choose(`${letter} ${name}`, SCALE.map((value) => [value, String(value)])))))));
+  const better = h("fieldset", { class: "asked" }, h("legend", {}, "Which of the two?"), h("div", {}, choose("better", [...letters.map((letter) => [letter, letter]), ["", "Cannot tell"]])));
+  /** @type {Set<string>} */
+  const missed = new Set();
+  const scores = letters.map((letter) => {
+    const asked = h("fieldset", { class: "about" },
+      ASKED.map(([name, words]) => h("fieldset", { class: "asked" }, h("legend", {}, words), h("div", {}, choose(`${letter} ${name}`, SCALE.map((value) => [value, String(value)]))))));
+    const turn = (event) => {
+      asked.disabled = event.target.checked;
+      if (asked.disabled) missed.add(letter);
+      else missed.delete(letter);
+      better.disabled = missed.size > 0;
+    };
+    return h("fieldset", {}, h("legend", {}, letter), asked,
+      h("label", { class: "check" }, h("input", { type: "checkbox", name: `${letter} missed`, onchange: turn }), h("span", {}, "I did not meet it")));
+  });
   const form = h("form", {},
     h("p", { class: "keys" }, "1 is not at all, 5 is very much."),
     marks.length ? h("p", { class: "keys" }, `You marked ${marks.map(momentOf).join("; ")}.`) : "",
     h("div", { class: "pair" }, scores),
-    h("fieldset", { class: "asked" }, h("legend", {}, "Which of the two?"), h("div", {}, choose("better", [...letters.map((letter) => [letter, letter]), ["", "Cannot tell"]]))),
+    better,
     h("label", { class: "words" }, h("span", {}, "In your own words"), h("textarea", { name: "text", rows: 3, maxlength: longest })),
     h("div", { class: "buttons" }, h("button", { class: "first", type: "submit" }, "Keep these answers"),
       h("button", { type: "button", onclick: () => { dialog.close(); onDrop(); } }, "Leave this race out")));
@@ -50,7 +63,7 @@ export function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop 
     const data = new FormData(form);
     dialog.close();
     onAnswer({
-      scores: Object.fromEntries(letters.map((letter) => [letter, Object.fromEntries(ASKED.map(([name]) => [name, Number(data.get(`${letter} ${name}`))]))])),
+      scores: Object.fromEntries(letters.map((letter) => [letter, missed.has(letter) ? null : Object.fromEntries(ASKED.map(([name]) => [name, Number(data.get(`${letter} ${name}`))]))])),
       better: data.get("better") || null,
       text: data.get("text"),
     });

@@ -65,9 +65,9 @@ export function newMenu({ choices, inputs, onGo }) {
   form.replaceChildren(
     h("fieldset", {}, h("legend", {}, "Race"), field("Circuit", circuit), field("Car", car),
       field("Laps", number("laps", last.laps ?? 3, choices.most_laps)), field("Cars", number("cars", last.cars ?? 8, choices.most_cars)),
-      field("My place", number("seat", last.seat ?? 8, choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, readonly: blind !== null, value: blind?.driver ?? last.name ?? "driver" }))),
+      field("My place", number("seat", blind ? 1 : (last.seat ?? 8), choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, readonly: blind !== null, value: blind?.driver ?? last.name ?? "driver" }))),
     h("fieldset", {}, h("legend", {}, blind ? "Two finalists, in turn on the grid" : "Opponents, in turn on the grid"),
-      blind ? [] : [field("Difficulty", difficulty), field("Temperament", temper), means], opponents),
+      blind ? h("p", { class: "keys" }, "From the first place you meet them: they have to pass you.") : [field("Difficulty", difficulty), field("Temperament", temper), means], opponents),
     h("fieldset", {}, h("legend", {}, "Controls"), field("With", devices), calibrate,
       AIDS.map(([name, label]) => check(`aid-${name}`, label, last.aids?.[name] ?? true, "on")), h("p", { class: "keys" }, HELP)),
     h("div", { class: "go" }, h("button", { class: "first", type: "submit" }, "Drive"), h("span", { class: "keys", id: "waiting" })),
