@@ -10,6 +10,8 @@ import polars as pl
 
 A4 = 9
 PRINTED_ROWS = 60
+EXACT = 2**53
+"""Whole numbers up to which a cell, which is a float, holds all."""
 BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
 ORANGES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#E9A15B"}
 DIVERGING = {
@@ -102,12 +104,17 @@ def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top:
 
 
 def write_cell(sheet: Any, row: int, at: int, value: Any, form: Any) -> None:
-    """A value as what it is: text never becomes a formula, a number or a link."""
+    """A value as what it is: text never becomes a formula, a number or a link.
+
+    Whole numbers beyond what a cell holds exactly, as of seeds, are text.
+    """
     if value is None:
         sheet.write_blank(row, at, None, form)
     elif isinstance(value, str):
         sheet.write_string(row, at, value, form)
     elif isinstance(value, bool):
         sheet.write_boolean(row, at, value, form)
+    elif isinstance(value, int) and abs(value) > EXACT:
+        sheet.write_string(row, at, str(value), form)
     else:
         sheet.write_number(row, at, value, form)

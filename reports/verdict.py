@@ -10,8 +10,8 @@ import polars as pl
 
 from nathlon.arena.voids import is_void
 from nathlon.results.selection import Selection
-from nathlon.results.summary import Decided, Summary
-from nathlon.results.words import STAGES, counted
+from nathlon.results.summary import CandidateStanding, Decided, Summary
+from nathlon.results.words import AUTOMATIC, STAGES, counted
 
 Row = Mapping[str, Any]
 
@@ -57,7 +57,6 @@ def _judged(selection: Selection) -> Verdict:
     if not sent:
         return _nobody(selection, decision, ranking)
     name, entrant = sent[0].name, sent[0].entrant
-    approval = f"approved on {sent[0].approved_by} of {counted(decision.ballots, 'ballot')}"
     own = next((row for row in ranking if row["entrant"] == entrant), None)
     if own is None:
         proof: tuple[str, ...] = (_alone(selection, entrant),)
@@ -70,9 +69,16 @@ def _judged(selection: Selection) -> Verdict:
     if missed := _not_judged(selection.summary):
         clauses.append(f"{_listed(missed, 'and')} could not be judged")
     though = f", though {' and '.join(clauses)}" if clauses else ""
-    return Verdict(
-        f"Send {name}{though}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof)
-    )
+    return Verdict(f"Send {name}{though}", (_approval(decision, sent[0]), *proof))
+
+
+def _approval(decision: Decided, sent: CandidateStanding) -> str:
+    """Who has decided that an entrant is sent, and why."""
+    members = [said["member"] for said in decision.said if said["event"] == "voted"]
+    if members and all(member.startswith(AUTOMATIC) for member in members):
+        return f"No member of the committee has voted, so {sent.name} is sent by {_reasons(decision)}."
+    approved = f"approved on {sent.approved_by} of {counted(decision.ballots, 'ballot')}"
+    return f"The committee sends {sent.name}, {approved}: {_reasons(decision)}."
 
 
 def _alone(selection: Selection, entrant: str) -> str:
@@ -118,7 +124,7 @@ def _reasons(decision: Decided) -> str:
     ballots = [said for said in decision.said if said["event"] == "voted"]
     if not ballots:
         return "nobody has voted"
-    ballots.sort(key=lambda ballot: ballot["member"].startswith("rule:"))
+    ballots.sort(key=lambda ballot: ballot["member"].startswith(AUTOMATIC))
     shown = "; ".join(f"{ballot['member']}, “{ballot['reason']}”" for ballot in ballots[:REASONS_SHOWN])
     more = len(ballots) - REASONS_SHOWN
     return f"{shown}; and {more} more" if more > 0 else shown

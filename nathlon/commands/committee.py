@@ -239,7 +239,8 @@ def _print(decision: CommitteeDecision) -> None:
                 say(f"  {start}  {part}")
     result = decision.result or decision.tally()
     if result.agreement is not None:
-        say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
+        meaning = "1: all order alike; -1: two order the other way round"
+        say(f"  Agreement of the members: {result.agreement:.2f} ({meaning})")
 
 
 def _standings(decision: CommitteeDecision) -> Table:

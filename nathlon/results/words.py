@@ -4,6 +4,8 @@ from __future__ import annotations
 
 STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
 """What readers call the stages that judge."""
+AUTOMATIC = "rule:"
+"""What the name of an automatic member of a committee begins with."""
 
 
 def stage_called(stage: str) -> str:

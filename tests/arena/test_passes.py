@@ -119,9 +119,9 @@ def test_clips_are_the_decisive_pass_and_the_hardest_contacts() -> None:
         )
     )
     assert clips(replace(log, incidents=incidents)) == [
-        Clip(0.0, 7.0, 0, "the hardest contact laid to nobody: contact 3"),
+        Clip(0.0, 7.0, 0, "the hardest contact that nobody is blamed for: contact 3"),
         Clip(24.1, 34.1, 1, "the pass for place 1: 2 entrant b goes by 1 entrant a"),
-        Clip(51.0, 59.9, 0, "the hardest contact laid to somebody: contact 57"),
+        Clip(51.0, 59.9, 0, "the hardest contact that a driver is blamed for: contact 57"),
     ]
 
 

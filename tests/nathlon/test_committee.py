@@ -103,7 +103,7 @@ def test_gates_leave_out_the_ill_behaved_and_say_why(event_log: EventLog) -> Non
     assert chosen(decision) == "a"
     ballot = decision.ballots()["rule:clean"]
     assert ballot.reason == (
-        "passed the gates, in order of battery points: 1 of 4; "
+        "1 of 4 pass the gates, in order of n-athlon points; "
         "left out: birch (contacts_per_km is 1.1, at most 1); cedar (at_fault_per_km is 0.3, at most 0.2); "
         "delta (off_course_share is 0.103, at most 0.1)"
     )

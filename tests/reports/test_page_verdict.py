@@ -43,13 +43,21 @@ def test_first_alone() -> None:
     assert told.headline == "Send e0"
     assert told.sentences[0] == (
         "The committee sends e0, approved on 2 of 2 ballots: ann, “calm in traffic <b>& fair</b>”; "
-        "rule:ranking, “passed the gates, in order of ranking points: all”."
+        "rule:ranking, “all pass the gates, in order of points in the round robin”."
     )
     assert told.sentences[1] == (
         "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races: alone in rank 1 of 2."
     )
     assert told.sentences[2] == (
         "Its cars had 0.20 contacts per km (0.15–0.26), 0.10 per km at fault. Nobody is barred for contacts."
+    )
+
+
+def test_a_rule_alone_is_no_committee() -> None:
+    told = verdict(night(ranked(IDS[0], 1, 22.0), ranked(IDS[1], 2, 17.0), ballots=(RULE,)))
+    assert told.sentences[0] == (
+        "No member of the committee has voted, so e0 is sent by rule:ranking, "
+        "“all pass the gates, in order of points in the round robin”."
     )
 
 
@@ -90,7 +98,9 @@ def test_nobody_fit() -> None:
     rows = [ranked(IDS[0], 1, 20.0), ranked(IDS[1], 1, 19.0)]
     told = verdict(night(*rows, seats=0))
     assert told.headline == "Send nobody"
-    assert told.sentences[0].startswith("The committee found none of 2 finalists fit: rule:ranking, “passed")
+    assert told.sentences[0].startswith(
+        "The committee found none of 2 finalists fit: rule:ranking, “all pass"
+    )
     assert told.sentences[1].startswith("In the round robin e0 and e1 are statistically tied")
 
 
@@ -98,7 +108,7 @@ def test_waiting_for_people() -> None:
     asked = night(ranked(IDS[0], 1, 20.0), ranked(IDS[1], 2, 15.0), open=True, waits_for=2)
     told = verdict(asked)
     assert told.headline == "The committee has not decided"
-    assert told.sentences[0].startswith("It waits for 2 ballots; rule:ranking, “passed")
+    assert told.sentences[0].startswith("It waits for 2 ballots; rule:ranking, “all pass")
     assert told.sentences[1].startswith("In the round robin e0 is alone in rank 1")
     again = verdict(night(ranked(IDS[0], 1, 20.0), open=True, waits_for=0))
     assert again.sentences[0].startswith("It has been asked again")

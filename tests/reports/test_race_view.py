@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from nathlon.arena.passes import passes
-from nathlon.arena.race_log import Incident
+from nathlon.arena.race_log import Incident, origin, progress
 from nathlon.results.selection import Selection
 from tests.support.opened_page import Opened, full_night, shown
 from tests.support.race_logs import LAP_M
@@ -101,15 +101,26 @@ def test_incidents_have_their_verdicts_and_lead_to_the_player(
     opened.assert_quiet()
 
 
-def test_the_reference_is_the_fastest_lap(browser: Browser, tmp_path: Path, full: Selection) -> None:
-    """On the oval every car keeps its speed, so that the quickest one drives it, in LAP_M / speed."""
-    speed = full.logs[0].samples["velocity_x_m_s"][400]
-    opened = open_race(browser, tmp_path, full)
+def test_the_reference_is_the_fastest_lap_to_the_finish_too(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    """On the oval every car keeps its speed, so that the quickest one drives it, in LAP_M / speed.
+
+    It finishes with its second lap, between two samples, of which the later one shows where it was out.
+    """
+    log = full.logs[0]
+    speed = log.samples["velocity_x_m_s"][400]
+    quickest, samples = int(np.argmax(speed)), log.samples.copy()
+    come_m, finish_m = progress(log)[:, quickest], 2 * LAP_M - origin(log)
+    out = int(np.argmax(come_m >= finish_m))
+    samples["distance_m"][out:, quickest] -= come_m[out:] - (finish_m + 0.4)
+    samples["driving"][out:, quickest] = False
+    opened = open_race(browser, tmp_path, replace(full, logs=(replace(log, samples=samples),)))
     said = opened.page.get_by_text("Dashed: the reference").inner_text()
-    found = re.search(r": (\d) entrant ., lap \d, (\d):([\d.]+)\.$", said)
-    assert found is not None
-    assert int(found[1]) == int(np.argmax(speed)) + 1
-    assert 60 * int(found[2]) + float(found[3]) == pytest.approx(LAP_M / float(speed.max()), abs=0.06)
+    found = re.search(r": (\d) entrant ., lap 2, ([\d.]+) s\.$", said)
+    assert found is not None, said
+    assert int(found[1]) == quickest + 1
+    assert float(found[2]) == pytest.approx(LAP_M / float(speed.max()), abs=0.02)
     opened.assert_quiet()
 
 

@@ -57,6 +57,10 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
         assert book[name].max_row == height + top
         assert table.autoFilter is not None
         assert book[name].freeze_panes is not None
+    # A cell is a float: seeds that it cannot hold are text.
+    large = selection.results.with_columns(seed=pl.lit(2**62 + 1, pl.Int64))
+    seeds = _rows(write_spreadsheet(replace(selection, results=large), tmp_path / "large.xlsx"), "Races")
+    assert {row["Race seed"] for row in seeds} == {str(2**62 + 1)}
     ranking = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])
     read = _rows(path, "Ranking")
     assert [row["Entrant"] for row in read] == ranking["name"].to_list()

@@ -32,7 +32,12 @@ REPLAY = {
     "recording": "javascript:alert(1);'$(x).mcap",
     "replay": None,
     "clips": [
-        {"start_s": 21.5, "end_s": 31.5, "car": 1, "why": "the hardest contact laid to nobody: a touch"}
+        {
+            "start_s": 21.5,
+            "end_s": 31.5,
+            "car": 1,
+            "why": "the hardest contact that nobody is blamed for: a touch",
+        }
     ],
     "missing": None,
 }

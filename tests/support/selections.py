@@ -17,7 +17,7 @@ from nathlon.results.summary import Sent, Summary
 TESTS = ("hot_lap", "race_eight", "grid_start", "slipstream_pass", "final_chicane", "mistake_recovery")
 MARKS = {"base": 90.0, "reference": 85.0, "asks": "The best of four laps alone."}
 PERSON = ("ann", "calm in traffic <b>& fair</b>")
-RULE = ("rule:ranking", "passed the gates, in order of ranking points: all")
+RULE = ("rule:ranking", "all pass the gates, in order of points in the round robin")
 BROKEN = f"/home/somebody/{'a-long-name' * 9}/broken.safetensors"
 TEAM_MEAN = 19.5  # half of 10 + 8 + 6 + 5 + 4 + 3 + 2 + 1
 

@@ -11,18 +11,18 @@ from pydantic import AfterValidator, Field, model_validator
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
+from nathlon.results.words import AUTOMATIC
 from nathlon.selection.bounds import MOST_SHORTLISTED
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.sim.data_file import Name, Section
 from nathlon.sim.validation import check_distinct
 
-AUTOMATIC = "rule:"
-"""What the name of an automatic member begins with."""
-
 Question = Literal["shortlist", "selection"]
 SOURCES: dict[Question, str] = {"shortlist": "battery", "selection": "ranking"}
 """The table whose points stand before the committee at each question."""
 POINTS = {"battery": "points", "ranking": "points_per_race"}
+CALLED = {"battery": "n-athlon points", "ranking": "points in the round robin"}
+"""What people call those points."""
 
 CONDUCT = pl.Schema(
     {
@@ -76,7 +76,7 @@ class Rule(Section):
         """Its ballot and its reason."""
         failures = {row["entrant"]: self._failures(row) for row in evidence.rows}
         fit = tuple(entrant for entrant, failed in failures.items() if not failed)
-        reason = f"passed the gates, in order of {self.by} points: {len(fit)} of {len(failures)}"
+        reason = f"{len(fit)} of {len(failures)} pass the gates, in order of {CALLED[self.by]}"
         left_out = [
             f"{row['name']} ({', '.join(failures[row['entrant']])})"
             for row in evidence.rows

@@ -46,8 +46,8 @@ def _questionable(log: RaceLog) -> list[Clip]:
     return [
         _clip(log, hardest.time_s, hardest.cars[0], f"{verdict}: {hardest.text}")
         for verdict, those in (
-            ("the hardest contact laid to nobody", free),
-            ("the hardest contact laid to somebody", blamed),
+            ("the hardest contact that nobody is blamed for", free),
+            ("the hardest contact that a driver is blamed for", blamed),
         )
         for hardest in [max(those, key=_closing, default=None)]
         if hardest is not None

@@ -59,7 +59,7 @@ export function lapView(index) {
       { key: "time", head: "Time, s", value: (row) => row.time, cell: (row) => number(row.time, 3) },
       { key: "lost", head: "Lost, s", value: (row) => row.lost, cell: (row) => h("strong", {}, signed(row.lost, 3)) },
       { key: "drawn", head: "", unseen: "Lost, drawn", kind: "drawn", cell: barScale(stretches, ["lost", "low", "high"], 0, "contacts") },
-      { key: "slowest", head: "Least speed, km/h", value: (row) => row.least, cell: (row) => number(KMH * row.least) },
+      { key: "slowest", head: "Lowest speed, km/h", value: (row) => row.least, cell: (row) => number(KMH * row.least) },
       { key: "theirs", head: against === null ? "of the line" : "of the other", value: (row) => row.theirs, cell: (row) => number(KMH * row.theirs) },
     ], stretches, { sort: "from", prefix: "sections-", label: "Sections" }),
   ];

@@ -84,7 +84,7 @@ function ratings() {
   const rows = [...tables.ratings].sort((a, b) => a.bradley_terry_rank - b.bradley_terry_rank);
   return section("Ratings",
     note("A check on the points, not a second ranking."),
-    data.notes.length ? h("ul", {}, data.notes.map((text) => h("li", {}, text))) : h("p", {}, "They agree with the points, and one rating for each entrant explains the matchups."),
+    data.notes.length ? h("ul", {}, data.notes.map((text) => h("li", {}, text))) : h("p", {}, "Nothing proves them to differ from the points, and one rating for each entrant explains the matchups."),
     rows.length > 0 && h("details", {}, h("summary", {}, "All ratings"), scroll("Ratings", h("table", {},
       h("thead", {}, h("tr", {}, ["Entrant", "Bradley–Terry", "rank", "Plackett–Luce", "rank"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row.entrant)),

@@ -104,7 +104,7 @@ export function speedCharts(player) {
   const laps = lapsOf(recording);
   if (!laps.length) return empty("No car completed a lap.");
   const [reference] = laps;
-  const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${clock(lap.seconds, 2)}`;
+  const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${number(lap.seconds, 2)} s`;
   const others = laps.filter(({ car }) => car !== reference.car);
   const opponent = others.find(({ car }) => race.cars[car].team !== race.cars[reference.car].team) ?? others[0] ?? laps[1];
   const { params } = here();

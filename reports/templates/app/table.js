@@ -128,7 +128,7 @@ export const entrantColumn = (extra = () => null) => ({
   value: (row) => nameOf(row.entrant),
   cell: (row) => [entrantLink(row.entrant), " ", chips(row.entrant), extra(row)],
 });
-export const RANKS = "Ranks that are possible: the best is 1 + the number of entrants proven better, the worst lies ahead of those only that are proven worse, after Holm's correction.";
+export const RANKS = "Ranks that are possible: the best is 1 + the number of entrants proven better, the worst is just ahead of those proven worse (Holm's correction for many comparisons).";
 /** @type {Column} */
 export const rankColumn = {
   key: "rank", head: "Rank", kind: "rank", first: "ascending", title: RANKS,

@@ -165,6 +165,8 @@ export async function openRecording(race, circuit) {
     const next = indexOf(column, distance, last);
     if (!(column[next] >= distance)) return null;
     if (!next) return column[0] === distance ? time[0] : null;
+    // Whoever has finished stands where it was out, somewhere between two samples.
+    if (!samples.driving[car][next]) return Math.min(time[next - 1] + (distance - column[next - 1]) / samples.speed[car][next - 1], time[next]);
     const part = (distance - column[next - 1]) / (column[next] - column[next - 1] || 1);
     return time[next - 1] + Math.min(Math.max(part, 0), 1) * (time[next] - time[next - 1]);
   }
