@@ -1,7 +1,7 @@
 """Speed of the camera, and how well a policy races by what it sees, beside the champion of its circuit.
 
-Run as `OPENBLAS_NUM_THREADS=1 python -m benchmarks.vision [--json FILE] [--races N] [CHECKPOINT ...]`, by default with all of
-`benchmarks.ladders` that see; the last line of the output is one JSON object:
+Run as `OPENBLAS_NUM_THREADS=1 python -m benchmarks.vision [--json FILE] [--races N] [CHECKPOINT ...]`, by
+default with all of `benchmarks.ladders` that see; the last line of the output is one JSON object:
 
 - `pictures_per_s`: pictures of 64 x 64 x 3 with eight cars in each race, from the cockpit, a CPU second;
 - `observations_per_s`: full observations in numbers of the same cars at the same moments, a CPU second;
