@@ -151,6 +151,7 @@ class ImitationSettings(Section):
             race is.
         rescuer: policy that is imitated instead where a car faces away from the road or is stranded beside
             it, such as `driver`.
+        racer: policy that is imitated instead where another car is near, such as the path of a checkpoint.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.
@@ -163,6 +164,7 @@ class ImitationSettings(Section):
     taught: tuple[Annotated[float, Field(ge=0, le=1)], ...] = (1.0, 0.5, 0.25, 0.1)
     patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
     rescuer: Annotated[str | None, Field(exclude_if=lambda rescuer: rescuer is None)] = None
+    racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
     passage: Annotated[int, Field(ge=1, le=1000)] = 16
     recalled: Annotated[int, Field(ge=0, le=1000)] = 4
     telling: Annotated[float, Field(ge=0, le=100)] = 0.1

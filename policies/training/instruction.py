@@ -25,7 +25,7 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.processes import start_processes
 from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
-from nathlon.policies.training.teacher import Teacher, facing_away, lost
+from nathlon.policies.training.teacher import Teachers
 from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
 
@@ -150,9 +150,8 @@ def instruct(
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    teacher, rescuer = Teacher(name, pair, env), config.imitation.rescuer
-    rescue = Teacher(rescuer, pair, env) if rescuer else None
-    lesson = _Lesson(env, teacher, rescue, policy, planned.taught, learners, rollouts.mistakes, rng)
+    teachers = Teachers(config.imitation, name, pair, env)
+    lesson = _Lesson(env, teachers, policy, planned.taught, learners, rollouts.mistakes, rng)
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()
         if config.imitation.patience_s is not None:
@@ -161,21 +160,19 @@ def instruct(
 
 
 class _Lesson:
-    """Races in which a policy drives and a teacher looks on."""
+    """Races in which a policy drives and teachers look on."""
 
     def __init__(
         self,
         env: OpponentWrapper,
-        teacher: Teacher,
-        rescuer: Teacher | None,
+        teachers: Teachers,
         policy: Policy,
         taught: float,
         learners: NDArray[np.int64],
         again: float,
         rng: np.random.Generator,
     ) -> None:
-        self._env, self._teacher, self._policy, self._rng = env, teacher, policy, rng
-        self._rescuer = rescuer
+        self._env, self._teachers, self._policy, self._rng = env, teachers, policy, rng
         self._mistakes, self._again = Mistakes(env.episodes, learners), again
         cars = len(env.cars)
         self._memory = policy.initial_memory(cars)
@@ -198,7 +195,7 @@ class _Lesson:
         episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
         anew = np.flatnonzero(np.isin(env.races, races))
         self._memory[anew] = self._policy.initial_memory(len(anew))
-        self._forget(anew)
+        self._teachers.forget(anew)
         self._begun[anew], self._astray_s[anew] = True, 0.0
 
     @property
@@ -208,13 +205,9 @@ class _Lesson:
     def step(self) -> None:
         """Drive on, and note what is seen and said."""
         env, before = self._env, self._cars.copy()
-        everybody = np.arange(len(env.cars))
         if not env.others:
-            self._forget(everybody)
-        shown, advice = self._teacher.look(everybody)
-        if self._rescuer is not None:
-            astray = lost(before) | facing_away(before)
-            advice = np.where(astray[:, None], self._rescuer.advice(everybody), advice)
+            self._teachers.forget(np.arange(len(env.cars)))
+        shown, advice = self._teachers.look()
         noise = self._rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
         acted, memory = self._policy.act(env.seen, self._memory)
         actions = np.where(self._led[:, None], advice + noise, acted)
@@ -225,10 +218,6 @@ class _Lesson:
         self._gone += self._cars["progress"] - before["progress"]
         if self._again:
             self._mistakes.watch()
-
-    def _forget(self, cars: NDArray[np.int64]) -> None:
-        for teacher in filter(None, (self._teacher, self._rescuer)):
-            teacher.forget(cars)
 
     def begin_anew(self, patience_s: float) -> None:
         """Start the races again in which all cars of the policy have been out of control for so long."""

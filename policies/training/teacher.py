@@ -1,8 +1,9 @@
-"""A teacher: a policy that says what it would do in the place of a car that is lost.
+"""Teachers: policies that say what they would do in the place of a car.
 
-A policy that has come to brake where it is lost never finds the way back by noise of its own: all of its
-group stand still alike. The teacher's actions are imitated there (DAgger, Ross et al., AISTATS 2011): the
-policy drives, and is told at each step what the teacher would do.
+Imitation asks at every step, polishing where a car is lost. A policy that has come to brake where it is lost
+never finds the way back by noise of its own: all of its group stand still alike. So a teacher's actions are
+imitated there (DAgger, Ross et al., AISTATS 2011): the policy drives, and is told at each step what the
+teacher would do.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ from nathlon.policies.apart import load_guest
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch, Observations
+from nathlon.policies.training.config import ImitationSettings
 from nathlon.policies.training.mistakes import ASTRAY_RAD
 from nathlon.policies.training.pairs import Pair
 
 SLOW_M_S = 10.0
 """Speed up to which a car may be lost: who is faster has not stopped sliding yet."""
+AHEAD_M, BEHIND_M = 40.0, 15.0
+"""Along the road between centres: a car races with those that are no further ahead or behind."""
 
 
 def lost(cars: NDArray[np.void]) -> NDArray[np.bool_]:
@@ -30,6 +34,23 @@ def lost(cars: NDArray[np.void]) -> NDArray[np.bool_]:
 def facing_away(cars: NDArray[np.void]) -> NDArray[np.bool_]:
     """Which cars (CAR_STATE of any shape) face away from the road, at whatever speed."""
     return np.asarray(np.abs(cars["heading_error"]) > ASTRAY_RAD)
+
+
+def astray(env: OpponentWrapper) -> NDArray[np.bool_]:
+    """Which of the cars that are driven from outside need a rescuer, (n,)."""
+    cars = env.episodes.world.state[env.races, env.cars]
+    return lost(cars) | facing_away(cars)
+
+
+def racing(env: OpponentWrapper) -> NDArray[np.bool_]:
+    """Which of the cars that are driven from outside have another one near, (n,)."""
+    world, rows = env.episodes.world, np.arange(len(env.cars))
+    progress, length = world.state["progress"][env.races], world.track.length
+    half = 0.5 * length
+    gap = (progress - progress[rows, env.cars][:, None] + half) % length - half
+    near = (gap > -BEHIND_M) & (gap < AHEAD_M) & world.state["driving"][env.races]
+    near[rows, env.cars] = False
+    return np.asarray(near.any(axis=1))
 
 
 class Teacher:
@@ -71,3 +92,36 @@ class Teacher:
         seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
         actions, self._memory[asked] = self._policy.act(seen, self._memory[asked])
         return seen, actions
+
+
+class Teachers:
+    """A teacher, and those who say in its stead what to do where it is not the one to ask."""
+
+    def __init__(self, settings: ImitationSettings, teacher: str, pair: Pair, env: OpponentWrapper) -> None:
+        """Teachers by what a run says, and the races in which they look on.
+
+        Args:
+            settings: name the others.
+            teacher: name of the teacher itself.
+            pair, env: as of `Teacher`.
+
+        Raises:
+            InputError: as `Teacher`.
+        """
+        self._env, self._teacher = env, Teacher(teacher, pair, env)
+        asked = ((settings.racer, racing), (settings.rescuer, astray))
+        self._others = [(Teacher(name, pair, env), where) for name, where in asked if name]
+
+    def forget(self, cars: NDArray[np.int64]) -> None:
+        """Start afresh in the place of some of the cars, (n,) indices."""
+        for teacher in (self._teacher, *(other for other, _ in self._others)):
+            teacher.forget(cars)
+
+    def look(self) -> tuple[Observations, Batch]:
+        """What the teacher sees from all cars, and what to do there, (n, 2)."""
+        everybody = np.arange(len(self._env.cars))
+        seen, advice = self._teacher.look(everybody)
+        for other, where in self._others:
+            said = other.look(everybody)[1]  # everywhere, for what it remembers has to be up to date
+            advice = np.where(where(self._env)[:, None], said, advice)
+        return seen, advice

@@ -22,9 +22,10 @@ from nathlon.policies.checkpoint import (
     read_checkpoint,
 )
 from nathlon.policies.driver import Driver
+from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
-from nathlon.policies.training import imitation, instruction
+from nathlon.policies.training import imitation, instruction, teacher
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.imitation import Imitation
@@ -35,7 +36,9 @@ from nathlon.policies.training.pupil import NumbersPupil, note_numbers
 from nathlon.policies.training.seeing_pupil import note_passages
 from nathlon.policies.training.teacher import Teacher
 from nathlon.policies.training.trainer import Trainer
+from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.support.trainings import TOML, polishing
 
 HOME = Pair("lindenring", "gt3")
@@ -152,31 +155,49 @@ def test_whoever_is_out_of_control_for_long_begins_anew(
     assert (np.abs(rows["memory"]).max(axis=1) == 0.0).tolist() == [True, False, False] * 6
 
 
-def test_a_rescuer_says_what_to_do_where_a_car_faces_away_and_the_teacher_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("role", "where"), [("rescuer", "astray"), ("racer", "racing")])
+def test_a_rescuer_or_racer_says_what_to_do_where_it_is_asked_and_the_teacher_elsewhere(
+    role: str, where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert SEEING.imitation is not None
-    settings = SEEING.imitation.model_copy(update={"length_s": 0.5, "rescuer": "driver:pace=0.8"})
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.5})
     policy = Imitation(tmp_path, SEEING, seed=1)._pupil.policy
-    turned: list[np.ndarray] = []
+    steps: list[int] = []
 
-    def turning(cars: np.ndarray) -> np.ndarray:
-        turned.append(np.arange(len(cars)) == len(turned) % 2)
-        return turned[-1]
+    def in_turn(env: OpponentWrapper) -> np.ndarray:
+        steps.append(len(steps))
+        return np.arange(len(env.cars)) == len(steps) % 2
 
-    monkeypatch.setattr(instruction, "facing_away", turning)
+    monkeypatch.setattr(teacher, where, in_turn)
 
-    def said(**imitation: str | None) -> np.ndarray:
+    def said(**imitation: str) -> np.ndarray:
         config = SEEING.model_copy(update={"imitation": settings.model_copy(update=imitation)})
-        turned.clear()
+        steps.clear()
         drive = instruct(config, policy, note_passages, Class(config.rollouts[0], HOME, 1.0, 0.0, seed=3))
         return drive.rows["said"].reshape(2, -1, 2).swapaxes(0, 1)
 
-    both, teacher, rescuer = said(), said(rescuer=None), said(teacher="driver:pace=0.8", rescuer=None)
-    away = np.stack([np.arange(2) == step % 2 for step in range(len(both))])
-    np.testing.assert_array_equal(both[away], rescuer[away])
-    np.testing.assert_array_equal(both[~away], teacher[~away])
-    assert not np.allclose(rescuer[away], teacher[away])
+    slow = "driver:pace=0.8"
+    both, alone, instead = said(**{role: slow}), said(), said(teacher=slow)
+    asked = np.stack([np.arange(2) == step % 2 for step in range(1, len(both) + 1)])
+    np.testing.assert_array_equal(both[asked], instead[asked])
+    np.testing.assert_array_equal(both[~asked], alone[~asked])
+    assert not np.allclose(instead[asked], alone[asked])
+
+
+def test_cars_race_with_those_near_them_on_the_road_across_the_line_too() -> None:
+    episodes = Episodes("lindenring", "gt3", "1v3")
+    env = OpponentWrapper(episodes, [0, 1, 2, 3], ObservationSpec(), ())
+    env.start([0], [np.random.default_rng(1)])
+    length = episodes.world.track.length
+
+    def racing(*progress: float) -> list[bool]:
+        episodes.world.state["progress"] = progress
+        return teacher.racing(env).tolist()
+
+    assert racing(2.0, length - 30.0, 500.0, 900.0) == [False, True, False, False]
+    assert racing(2.0, 2.0 * length - 10.0, 500.0, 900.0) == [True, True, False, False]
+    episodes.world.state["driving"][0, 0] = False
+    assert racing(2.0, length - 10.0, 500.0, 530.0) == [True, False, True, False]
 
 
 def test_mistakes_are_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
