@@ -43,8 +43,8 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
     that on the car.
 
     The reward is what a lap takes longer than the model's fastest, s, negative. An episode is terminated at
-    the finish, or without fuel. Each lap's info has `time_s` since the start, the `place`, the `stops` so far,
-    and whether the car is `out` of fuel.
+    the finish, or without fuel. The info of a lap has `time_s` since the start, the `place`, the `stops` so
+    far, and whether the car is `out` of fuel.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # declared so by the base class
