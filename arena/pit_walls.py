@@ -119,9 +119,10 @@ class PitWalls:
         self._note_stops()
         state = self._world.state
         laps = np.floor(state["progress"] / self._world.track.length)
-        began = (laps > self._begun) & state["driving"] & (state["stage"] != ENTERING)
+        began = laps > self._begun
         if not began.any():
             return
+        began &= state["driving"] & (state["stage"] != ENTERING)
         self._begun[began] = laps[began]
         for one in self._advised:
             race, car = one.race, one.car
@@ -166,6 +167,8 @@ class PitWalls:
         """Keep what happened in the pit lane in the last step."""
         state = self._world.state
         inside = (state["stage"] != ON_ROAD) & (state["stage"] != REJOINING)
+        if not (inside.any() or self._inside.any()):
+            return
         served, left = state["stops"] > self._stops, self._inside & ~inside & state["driving"]
         self._stops, self._inside = state["stops"].copy(), inside
         for race, car in np.argwhere(served).tolist():

@@ -384,8 +384,10 @@ class _Meeting:
     def _void_faulty_races(self, driving: NDArray[np.bool_]) -> None:
         """Void the races in which the motion of a car that drove in the last step is not finite."""
         state = self.world.state
-        motion = sum(state[name] for name in MOTION)
-        faulty = (driving & ~np.isfinite(motion)).any(axis=1)
+        finite = np.isfinite(sum(state[name] for name in MOTION))
+        if finite.all():
+            return
+        faulty = (driving & ~finite).any(axis=1)
         if faulty.any():
             state[faulty] = BLANK
             self._endings[faulty] = "simulator_fault"

@@ -48,15 +48,15 @@ from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.scenario import load_scenario
 
-CIRCUITS = ("lindenring", "porto-sereno", "grandes-landes")
-CAR = "gt3"
+CARS = {"lindenring": "gt3", "porto-sereno": "coupe", "grandes-landes": "prototype"}
+"""By circuit, those of the champions."""
 SCENARIO = "grand_prix_stops"
 STOPS = (0, 1, 2, 3)
 NEAR = 1.003
 PLANNER = "planner"
 
 
-def even(model: StintModel, laps: int, stops: int) -> tuple[Stint, ...]:
+def even(model: StintModel, laps: int, stops: int, tank_kg: float) -> tuple[Stint, ...]:
     """Even stints on the compound on which the model expects them to be fastest.
 
     They begin with the fuel of the whole race, as far as the tank holds it: to fill it in takes longer.
@@ -66,7 +66,6 @@ def even(model: StintModel, laps: int, stops: int) -> tuple[Stint, ...]:
     taken = {one.name: sum(one.laps(0.0, length)[0].sum() for length in lengths) for one in model.compound}
     [compound] = [one for one in model.compound if one.name == min(taken, key=taken.__getitem__)]
     used = [float(compound.laps(0.0, length)[1].sum()) for length in lengths]
-    tank_kg = load_car(CAR).fuel.capacity_kg
     return tuple(
         Stint(
             laps=length,
@@ -77,10 +76,10 @@ def even(model: StintModel, laps: int, stops: int) -> tuple[Stint, ...]:
     )
 
 
-def expected_s(model: StintModel, stints: Sequence[Stint], laps: int) -> float:
+def expected_s(model: StintModel, stints: Sequence[Stint], laps: int, tank_kg: float) -> float:
     """What the lap-wise model says of a plan, without noise."""
     pit = rule_parameters(load_rules(load_scenario(SCENARIO).rules)).pit
-    race = LapRace(model, laps, pit, load_car(CAR).fuel.capacity_kg, [0.0], np.random.default_rng(0), 0.0)
+    race = LapRace(model, laps, pit, tank_kg, [0.0], np.random.default_rng(0), 0.0)
     race.fit(0, stints[0].service)
     ends, stint = np.cumsum([one.laps for one in stints]), 0
     for lap in range(1, laps + 1):
@@ -136,20 +135,22 @@ def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]
 
 def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Race, ...]) -> pl.DataFrame:
     """RESULTS of one match."""
-    match = Match("race", "strategy", scenario, circuit, CAR, tuple(sources), tuple(sources.values()), races)
-    return run_match(match, [load_policy(source, circuit, CAR) for source in sources.values()])
+    car = CARS[circuit]
+    match = Match("race", "strategy", scenario, circuit, car, tuple(sources), tuple(sources.values()), races)
+    return run_match(match, [load_policy(source, circuit, car) for source in sources.values()])
 
 
 def measure(
     circuit: str, policy: str, laps: int, seeds: Sequence[int], in_field: Sequence[int], folder: Path
 ) -> dict[str, Any]:
     """The figures of a circuit, given the seeds of races alone and in a field."""
-    planner = folder / "planner.toml"
+    planner, car = folder / "planner.toml", CARS[circuit]
+    tank_kg = load_car(car).fuel.capacity_kg
     if not planner.is_file():
         scenario = f"{SCENARIO}:laps={laps}"
-        nathlon.stints(policy, scenario=scenario, circuit=circuit, car=CAR, workers=1, out=folder)
+        nathlon.stints(policy, scenario=scenario, circuit=circuit, car=car, workers=1, out=folder)
     model = model_of(str(planner))
-    fixed = {f"{stops} stops": even(model, laps, stops) for stops in STOPS}
+    fixed = {f"{stops} stops": even(model, laps, stops, tank_kg) for stops in STOPS}
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
     driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds)
     print(circuit, json.dumps(driven), flush=True)
@@ -161,7 +162,9 @@ def measure(
     places = field(str(planner), sources[best], circuit, laps, in_field) if in_field else []
     return {
         "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
-        "expected_s": {name: round(expected_s(model, stints, laps), 3) for name, stints in fixed.items()},
+        "expected_s": {
+            name: round(expected_s(model, stints, laps, tank_kg), 3) for name, stints in fixed.items()
+        },
         "best": best,
         "field": places,
         "field_wall_s": round(time.perf_counter() - began, 1),
@@ -200,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--field-seeds", type=int, help="in a field; as many as alone by default")
     parser.add_argument("--laps", type=int, default=12)
-    parser.add_argument("--circuits", default=",".join(CIRCUITS))
+    parser.add_argument("--circuits", default=",".join(CARS))
     parser.add_argument("--policy", help="the champion of each circuit by default")
     parser.add_argument("--out", type=Path, default=Path("runs/strategy"), help="folder for the strategies")
     options = parser.parse_args(arguments)
@@ -208,7 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     in_field = seeds if options.field_seeds is None else range(1, options.field_seeds + 1)
     circuits = {}
     for circuit in options.circuits.split(","):
-        policy = options.policy or str(champion(circuit, CAR))
+        policy = options.policy or str(champion(circuit, CARS[circuit]))
         circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, options.out / circuit)
         print(circuit, json.dumps(circuits[circuit]), flush=True)
     told = summary(circuits)

@@ -55,7 +55,10 @@ def convolved(seen: NDArray[np.float32], weight: Batch, bias: Batch, stride: int
     sums = np.empty((len(seen), outputs, height * width), np.float32)
     columns = np.empty((channels, high, wide, height, width), np.float32)
     rows = columns.reshape(channels * high * wide, height * width)
-    _convolve(np.ascontiguousarray(seen), weight.reshape(outputs, -1), bias, stride, columns, rows, sums)
+    every = np.arange(len(rows))
+    _convolve(
+        np.ascontiguousarray(seen), weight.reshape(outputs, -1), bias, stride, columns, rows, every, sums
+    )
     return sums.reshape(len(seen), outputs, height, width)
 
 
@@ -67,12 +70,13 @@ def _convolve(
     stride: int,
     columns: NDArray[np.float32],
     rows: Batch,
+    every: NDArray[np.int64],
     sums: NDArray[np.float32],
 ) -> None:
     """Sums (n, outputs, places) of pictures.
 
-    `columns`, (channels, high, wide, height, width), takes what each place sees of one, and `rows` are they
-    with a row for each input of a filter.
+    `columns`, (channels, high, wide, height, width), takes what each place sees of one, `rows` are they
+    with a row for each input of a filter, and `every` has the indices of all rows.
     """
     channels, high, wide, height, width = columns.shape
     _, outputs, places = sums.shape
@@ -88,7 +92,7 @@ def _convolve(
         for output in range(outputs):
             for place in range(places):
                 sums[picture, output, place] = bias[output]
-        accumulate(weights, 0, outputs, rows, sums[picture])
+        accumulate(weights, 0, outputs, every, rows, sums[picture])
         for output in range(outputs):
             for place in range(places):
                 if sums[picture, output, place] < np.float32(0.0):

@@ -42,38 +42,62 @@ def _add_and_rectify(sums: Batch, bias: Batch) -> None:
 
 
 @lean_inlined
-def accumulate(inputs: Batch, begin: int, end: int, weights: Batch, sums: Batch) -> None:
+def accumulate(
+    inputs: Batch, begin: int, end: int, used: NDArray[np.int64], weights: Batch, sums: Batch
+) -> None:
     """Add to rows of sums (n, outputs), from begin to end, those of inputs (n, inputs) by weights.
 
     A product is added to a sum in the order of the inputs, and both are rounded once, so that all processors
     come to the same.
+
+    Args:
+        used: indices of the inputs that count, rising.
     """
-    size, units = weights.shape
-    whole = size - size % AT_ONCE
-    for at in range(0, whole, AT_ONCE):
+    units = weights.shape[1]
+    whole = len(used) - len(used) % AT_ONCE
+    for first in range(0, whole, AT_ONCE):
+        i, j, k, m = used[first], used[first + 1], used[first + 2], used[first + 3]
         for row in range(begin, end):
-            a, b, c, d = inputs[row, at], inputs[row, at + 1], inputs[row, at + 2], inputs[row, at + 3]
+            a, b, c, d = inputs[row, i], inputs[row, j], inputs[row, k], inputs[row, m]
             for unit in range(units):
-                total = fused(a, weights[at, unit], sums[row, unit])
-                total = fused(b, weights[at + 1, unit], total)
-                total = fused(c, weights[at + 2, unit], total)
-                sums[row, unit] = fused(d, weights[at + 3, unit], total)
-    for at in range(whole, size):
+                total = fused(a, weights[i, unit], sums[row, unit])
+                total = fused(b, weights[j, unit], total)
+                total = fused(c, weights[k, unit], total)
+                sums[row, unit] = fused(d, weights[m, unit], total)
+    for i in used[whole:]:
         for row in range(begin, end):
             for unit in range(units):
-                sums[row, unit] = fused(inputs[row, at], weights[at, unit], sums[row, unit])
+                sums[row, unit] = fused(inputs[row, i], weights[i, unit], sums[row, unit])
 
 
 @lean_kernel
-def _weigh(inputs: Batch, starts: NDArray[np.int64], weights: Batch, biases: Batch, sums: Batch) -> None:
-    """Sums (n, outputs) of layers (networks, inputs, outputs); rows of a network begin and end at starts."""
-    networks, _, units = weights.shape
+def _weigh(
+    inputs: Batch,
+    starts: NDArray[np.int64],
+    weights: Batch,
+    biases: Batch,
+    used: NDArray[np.int64],
+    sums: Batch,
+) -> None:
+    """Sums (n, outputs) of layers (networks, inputs, outputs); rows of a network begin and end at starts.
+
+    Inputs that are 0 add nothing, and what units leave is 0 more often than not: their weights are not read.
+    `used` has room for the indices of all inputs.
+    """
+    networks, size, units = weights.shape
     for network in range(networks):
         begin, end = starts[network], starts[network + 1]
         for row in range(begin, end):
             for unit in range(units):
                 sums[row, unit] = biases[network, unit]
-        accumulate(inputs, begin, end, weights[network], sums)
+        count = 0
+        for at in range(size):
+            for row in range(begin, end):
+                if inputs[row, at] != 0.0:
+                    used[count] = at
+                    count += 1
+                    break
+        accumulate(inputs, begin, end, used[:count], weights[network], sums)
 
 
 @dataclass(frozen=True)
@@ -145,8 +169,9 @@ class MlpStack:
         """
         layer = np.ascontiguousarray(inputs, np.float32)
         for (weights, biases), function in zip(self._layers, self._functions, strict=True):
-            sums = np.empty((len(layer), weights.shape[2]), np.float32)
-            _weigh(layer, starts, weights, biases, sums)
+            _, size, units = weights.shape
+            sums = np.empty((len(layer), units), np.float32)
+            _weigh(layer, starts, weights, biases, np.empty(size, np.int64), sums)
             FUNCTIONS[function](sums)
             layer = sums
         return layer

@@ -43,12 +43,12 @@ def end_runs(
         stuck_s: a car at rest for longer is stuck, s.
     """
     state = world.state
-    running = endings == ""
-    finished = running & ~state["driving"]
-    stuck = running & ~finished & (state["stationary_s"] > stuck_s)
-    late = running & ~finished & ~stuck & (world.time >= time_s)[:, None]
-    endings[finished], endings[stuck], endings[late] = "finished", "stuck", "time_up"
-    state["driving"] &= ~(stuck | late)
+    finished, stuck = ~state["driving"], state["stationary_s"] > stuck_s
+    ended = (endings == "") & (finished | stuck | (world.time >= time_s)[:, None])
+    if not ended.any():
+        return
+    endings[ended] = np.where(finished, "finished", np.where(stuck, "stuck", "time_up"))[ended]
+    state["driving"] &= ~ended
 
 
 def observation_space(spec: ObservationSpec) -> Space[Any]:

@@ -43,7 +43,8 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
     that on the car.
 
     The reward is what a lap takes longer than the model's fastest, s, negative. An episode is terminated at
-    the finish, or without fuel.
+    the finish, or without fuel. The info of a lap has `time_s` since the start, the `place`, the `stops` so
+    far, and whether the car is `out` of fuel.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # declared so by the base class
@@ -111,7 +112,12 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
         services[self._car] = service
         taken_s = float(race.drive(services)[self._car])
         over = race.lap == self._laps or bool(race.out[self._car])
-        facts = {"time_s": float(race.time_s[self._car]), "stops": int(race.stops[self._car])}
+        facts = {
+            "time_s": float(race.time_s[self._car]),
+            "place": 1 + int(np.count_nonzero(race.time_s < race.time_s[self._car])),
+            "stops": int(race.stops[self._car]),
+            "out": bool(race.out[self._car]),
+        }
         return self._observe(), self._fastest_s - taken_s, over, False, facts
 
     def service(self, action: int) -> Service | None:

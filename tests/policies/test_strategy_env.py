@@ -63,9 +63,9 @@ def test_the_checker_of_gymnasium_finds_nothing() -> None:
 
 def test_the_planner_stops_and_gains_by_it() -> None:
     env = StrategyEnv()
-    returns = {}
+    returns, places = {}, {}
     for name in ("planner", "never"):
-        totals = []
+        totals, ended = [], []
         for seed in range(5):
             env.reset(seed=seed)
             total, over, facts = 0.0, False, dict[str, Any]()
@@ -75,8 +75,10 @@ def test_the_planner_stops_and_gains_by_it() -> None:
                 total += reward
             assert bool(facts["stops"]) == (name == "planner")
             totals.append(total)
-        returns[name] = fmean(totals)
+            ended.append(facts["place"])
+        returns[name], places[name] = fmean(totals), fmean(ended)
     assert returns["planner"] > returns["never"] + 20.0
+    assert places["planner"] < places["never"]
 
 
 def test_a_file_without_a_planner_is_refused(tmp_path: Path) -> None:
