@@ -18,7 +18,7 @@ def trace(lead_m: list[float], at_m: float) -> Trace:
     cars["driving"] = True
     cars["progress"][:, 0, 0] = at_m + np.arange(ticks)
     cars["progress"][:, 0, 1] = cars["progress"][:, 0, 0] + lead_m
-    return Trace(SORTED_S + 0.1 * np.arange(ticks), cars, np.full((1, 2), np.nan))
+    return Trace(np.linspace(SORTED_S, SORTED_S + 0.1 * (ticks - 1), ticks), cars, np.full((1, 2), np.nan))
 
 
 def test_who_is_beside_the_other_does_not_lead() -> None:

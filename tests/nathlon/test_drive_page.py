@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.steered_page import LedClock
-from nathlon.arena.incidents import Incident
+from nathlon.arena.race_log import Incident
 from nathlon.lab.drive.difficulty import LEVELS
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer
