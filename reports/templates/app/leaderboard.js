@@ -33,7 +33,7 @@ export function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
+    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better. Drawn points begin at the mean of all${touches ? ", contacts at 0" : ""}.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -158,7 +158,7 @@ export function compare([first, second]) {
       groups.map(([stage, rows]) => h("tbody", {},
         stage && h("tr", {}, h("th", { scope: "rowgroup", class: "name stage", colspan: 5 }, stage)),
         rows.filter((row) => row !== false).map((row) => sideBySide(row, two.map((one) => one.name))))))),
-    note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none.`),
+    note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none. Differences are of figures that are not rounded; the points ${EACH} in the table are of all opponents, not of these two alone.`),
     numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
   ];
 }

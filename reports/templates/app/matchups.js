@@ -30,7 +30,7 @@ export function matchups() {
     touches && h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
     contacts
       ? note("Contacts per km of the row's cars when racing the column.", shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
-      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. A click opens the ${EPISODES}.`, shadeKey(BOTH, signed(-largest), signed(largest))),
+      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. Ranks rest on all opponents, and are corrected for the number of comparisons, so they may tell two apart that no cell does. A click opens the ${EPISODES}.`, shadeKey(BOTH, signed(-largest), signed(largest))),
     scroll("Matchups", h("table", { class: "matrix", id: "matchups" },
       h("thead", {}, h("tr", {}, h("td"), order.map((index) => h("th", { scope: "col" }, h("span", { title: nameOf(index) }, nameOf(index)))))),
       h("tbody", {}, order.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row)),

@@ -35,7 +35,7 @@ export function nAthlon() {
   });
   return [
     title,
-    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. ${RANKS}`, shadeKey(BLUES, "0", number(largest))),
+    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: a mark that is better by what the test asks for. Between them points follow a power curve, not a straight line. ${RANKS}`, shadeKey(BLUES, "0", number(largest))),
     dataTable("n-athlon", [
       { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
       rankColumn,
