@@ -61,8 +61,8 @@ def drive(
 ) -> None:
     """Race policies yourself in a browser on this machine, with keys, gamepad or wheel.
 
-    Without entrants and --run you race the bundled champions. Every race is kept, with what you did. After it
-    the coach's page opens, unless --no-open.
+    Without entrants and --run you race the bundled champions and generalist. Every race is kept, with what
+    you did. After it the coach's page opens, unless --no-open.
     """
     if entrants and run:
         raise InputError(f"--run {run}: expected either entrants or a run")
@@ -81,7 +81,7 @@ def drive(
     from nathlon.lab.drive.choice import DriveOpponent, Offer
     from nathlon.lab.drive.coached import CoachAfterwards
     from nathlon.lab.drive.difficulty import CHOSEN, NOVICE
-    from nathlon.lab.drive.finalists import champions, finalists
+    from nathlon.lab.drive.finalists import bundled_opponents, finalists
     from nathlon.lab.drive.room import Room
     from nathlon.lab.drive.server import serve_drives
     from nathlon.selection.publish.output import OutputFolder
@@ -92,7 +92,7 @@ def drive(
         offer, output = test.offer, test.output
     else:
         opponents = DriveOpponent.all(dict.fromkeys(sources))
-        offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
+        offer = Offer.of(opponents or (finalists(run) if run else bundled_opponents()), circuit, car)
         # Whoever names nobody, and drives for the first time, is not sent against champions.
         unchosen: Difficulty = CHOSEN if opponents or run else NOVICE
         offer = offer._replace(difficulty=difficulty, temper=temper, unchosen=unchosen)

@@ -17,10 +17,12 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from nathlon.lab.drive.finalists import bundled_opponents
 from nathlon.lab.drive.frames import COUNTDOWN, HEAD, PAUSED, RACING
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer
 from nathlon.lab.drive.wheel import LARGEST_FRAME, MOST_FRAMES
+from nathlon.policies.bundled import champion, generalist
 from tests.support.command_line import nathlon, refused
 from tests.support.drives import choice, inputs, served
 from tests.support.sockets import CUT, PATIENCE_S, closed
@@ -248,3 +250,11 @@ def test_a_port_that_is_taken_is_refused(tmp_path: Path) -> None:
 )
 def test_what_cannot_be_driven_is_refused(arguments: list[str], said: str, tmp_path: Path) -> None:
     refused(nathlon("drive", *arguments, "--no-open", cwd=tmp_path), said)
+
+
+def test_the_generalist_alone_of_those_bundled_races_on_any_circuit() -> None:
+    opponents = bundled_opponents()
+    [only] = [one for one in opponents if one.drives("my/circuit.toml", "coupe")]
+    assert Path(only.source) == generalist()
+    at_home = [Path(one.source) for one in opponents if one.drives("lindenring", "gt3")]
+    assert at_home == [champion("lindenring", "gt3"), generalist()]

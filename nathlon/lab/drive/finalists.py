@@ -1,4 +1,4 @@
-"""Opponents when none is named: the finalists of a run, or the bundled champions."""
+"""Opponents when none is named: the finalists of a run, or those that come with nathlon."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ from nathlon.sim.names import as_named
 def champions() -> list[DriveOpponent]:
     """The best bundled checkpoint of each circuit."""
     return [DriveOpponent.of(str(path)) for path in bundled.champions()]
+
+
+def bundled_opponents() -> list[DriveOpponent]:
+    """The champions, and the generalist, which drives all other circuits too."""
+    return [*champions(), DriveOpponent.of(str(bundled.generalist()))]
 
 
 def finalists(run: Path) -> list[DriveOpponent]:
