@@ -1,6 +1,6 @@
 """Pictures of a test drive for the documentation: behind the car and from the cockpit, some way into a race.
 
-`python -m benchmarks.drive_pictures` has a scripted person race from the middle of the grid, and writes
+`python -m benchmarks.drive_pictures` has a scripted person race from the last place of eight, and writes
 `docs/images/drive.png` and `docs/images/drive-cockpit.png`.
 """
 

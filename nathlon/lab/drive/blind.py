@@ -273,7 +273,7 @@ class BlindTest:
 
 
 def read_answers(told: object, raced: Collection[str]) -> Questionnaire:
-    """What the page has told after a race against the two of some letters.
+    """What the page has told after a race against the finalists of these letters.
 
     Raises:
         InputError: if it does not fit them.
