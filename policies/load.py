@@ -9,7 +9,7 @@ from nathlon.policies.checkpoint import NetworkPolicy, SeeingPolicy, open_checkp
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.memory_limit import memory_limit
-from nathlon.policies.planning import Mppi
+from nathlon.policies.planning import Mppi, Rollout
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
 from nathlon.policies.sb3_racer import Sb3Policy
@@ -41,7 +41,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
             (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must;
-            with `temper=calm` it keeps clear of others), `plugin:NAME`,
+            with `temper=calm` it keeps clear of others; with `rollout=5` it tries ways past them, five
+            seconds ahead), `plugin:NAME`,
             `human:FILE` of a person's inputs, `mppi:FILE?objective=EXPRESSION` of one that plans, or
             `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
@@ -52,6 +53,9 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     """
     kind, _, settings = name.partition(":")
     if kind == DRIVER:
+        asked = driver_settings(name)
+        if asked.rollout:
+            return Rollout(circuit, car, asked.pace, asked.grip, asked.temper, asked.rollout)
         return _driver(name, circuit, car)
     if kind == PLUGIN:
         return load_plugin(settings, circuit, car)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nathlon.policies.driver.control import drive
 from nathlon.policies.driver.disk_cache import cached
 from nathlon.policies.driver.envelope import envelope
-from nathlon.policies.driver.knowledge import Knowledge, layout
+from nathlon.policies.driver.knowledge import Knowledge, Ways, layout, minding
 from nathlon.policies.driver.margins import room, room_aside
 from nathlon.policies.driver.practice import practise
 from nathlon.policies.driver.racing_line import NoLine, minimum_time
@@ -41,12 +41,14 @@ SLOWER = 0.8
 if the driver knew beforehand how far to turn in on the tyres of the day."""
 
 
-def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:
+def _knowledge(
+    track: Track, car: Car, pace: float, line: Profile, temper: Temper, care: float, remembers: bool
+) -> Knowledge:
     left, right = room_aside(track)
     body, limits = car.body, envelope(car)
     wheelbase = body.front_axle_m + body.rear_axle_m
     asides = [
-        profile(track, line.offset + aside, limits, CARE * line.grip) for aside in (-ASIDE_M, 0.0, ASIDE_M)
+        profile(track, line.offset + aside, limits, care * line.grip) for aside in (-ASIDE_M, 0.0, ASIDE_M)
     ]
     return Knowledge(
         offset=line.offset,
@@ -77,6 +79,7 @@ def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Tempe
         car_length=body.length_m,
         car_width=body.width_m,
         temper=temper,
+        remembers=remembers,
     )
 
 
@@ -89,19 +92,27 @@ class Follower:
         pace: share of the profile's speed to drive.
         line: the profile.
         temper: how near it comes to others.
+        care: share of the grip found in practice that it uses among others and off its line.
 
     Its memory is two numbers a car: how far it has moved off its line (m, + is left), and how fast it
     moves (m/s).
     """
 
     def __init__(
-        self, track: Track, car: Car, pace: float, line: Profile, temper: Temper = TEMPERS[FAIR]
+        self,
+        track: Track,
+        car: Car,
+        pace: float,
+        line: Profile,
+        temper: Temper = TEMPERS[FAIR],
+        care: float = CARE,
+        remembers: bool = True,
     ) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
         self.reverse = True
         self.pace = pace
         self.line = line
-        self._knowledge = _knowledge(track, car, pace, line, temper)
+        self._knowledge = _knowledge(track, car, pace, line, temper, care, remembers)
         self._layout = layout(self.observation_spec)
         self._mean, self._deviation = (part.astype(np.float64) for part in self.observation_spec.scaling)
 
@@ -114,9 +125,20 @@ class Follower:
         """See `Policy.initial_memory`."""
         return np.zeros((n, 2), np.float32)
 
+    def off_line(self, cars: NDArray[np.void]) -> NDArray[np.float64]:
+        """How far to the left of the line some cars are, m; (n,) from (n,) CAR_STATE."""
+        knows = self._knowledge
+        along = np.arange(len(knows.offset)) * knows.spacing
+        there = np.interp(cars["progress"] % knows.length, along, knows.offset, period=knows.length)
+        return np.asarray(cars["lateral"] - there)
+
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """See `Policy.act`."""
-        return self._drive(observations, memory, self.pace, self._knowledge)
+        return self.follow(observations, memory, minding(len(observations), self.pace))
+
+    def follow(self, observations: Batch, memory: Batch, ways: Ways) -> tuple[Batch, Batch]:
+        """As `act`, in ways of one's own choice."""
+        return self._drive(observations, memory, ways, self._knowledge)
 
     def act_when_told(
         self,
@@ -139,12 +161,11 @@ class Follower:
             rows = (told == here).all(axis=1)
             pace = self.pace * float(here[0]) ** SLOWER * float(here[2])
             knows = self._knowledge._replace(peak_slip=self._knowledge.peak_slip * float(here[1]))
-            actions[rows], remembered[rows] = self._drive(observations[rows], memory[rows], pace, knows)
+            ways = minding(int(rows.sum()), pace)
+            actions[rows], remembered[rows] = self._drive(observations[rows], memory[rows], ways, knows)
         return actions, remembered
 
-    def _drive(
-        self, observations: Batch, memory: Batch, pace: float, knows: Knowledge
-    ) -> tuple[Batch, Batch]:
+    def _drive(self, observations: Batch, memory: Batch, ways: Ways, knows: Knowledge) -> tuple[Batch, Batch]:
         actions = np.empty((len(observations), 2), np.float32)
         remembered = np.empty((len(observations), 2), np.float32)
         drive(
@@ -153,12 +174,21 @@ class Follower:
             self._deviation,
             memory,
             self._layout,
-            pace,
+            ways,
             knows,
             actions,
             remembered,
         )
         return actions, remembered
+
+
+def eased(grip: NDArray[np.float64], flagged: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """By what drivers multiply their pace where the grip is other than they know and a blue flag is shown.
+
+    Args:
+        grip, flagged: (n,) as of `Follower.act_when_told`.
+    """
+    return np.asarray(grip**SLOWER * np.where(flagged, YIELDING, 1.0))
 
 
 def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
@@ -207,6 +237,7 @@ class Driver(Follower):
         lane_m: hold this lateral offset (m, + is left) instead of the racing line.
         grip: of the road for which it has practised, as a multiple of that of a dry one.
         temper: name of how near it comes to others.
+        care: share of the grip found in practice that it uses among others and off its line.
     """
 
     def __init__(
@@ -217,6 +248,10 @@ class Driver(Follower):
         lane_m: float | None = None,
         grip: float = 1.0,
         temper: str = FAIR,
+        care: float = CARE,
+        remembers: bool = True,
     ) -> None:
         track, model = load_track(circuit), with_grip(load_car(car), grip)
-        super().__init__(track, model, pace, practised(track, model, lane_m), TEMPERS[temper])
+        super().__init__(
+            track, model, pace, practised(track, model, lane_m), TEMPERS[temper], care, remembers
+        )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
+from nathlon.policies.driver.knowledge import Knowledge, Layout, Ways, along, clip
 from nathlon.policies.driver.speed_profile import at_speed, corner_limit, demand, look_up
 from nathlon.policies.driver.traffic import mind_others
 from nathlon.policies.driver.turning import OVERHANG_M, backs_out, turn_round
@@ -23,6 +23,8 @@ SIDESTEP_M_S2 = 3.0
 """Speed and acceleration with which the driver moves aside at most."""
 SIDESTEP_S = 1.0
 """In which a small move would be made at its first speed."""
+TURNING_IN_S = 0.35
+"""From the steering to the move that it makes: so far ahead who does not remember means to be."""
 SWERVE = 0.15
 """Greatest speed of a move that leads back onto the road, as a share of the car's."""
 FORESIGHT_S = (0.7, 1.5, 2.5)
@@ -141,7 +143,14 @@ def grip_left(values: np.ndarray, where: Layout, velocity: float, knows: Knowled
 
 @inlined
 def drive_one(
-    values: np.ndarray, where: Layout, aside: float, drift: float, pace: float, knows: Knowledge
+    values: np.ndarray,
+    where: Layout,
+    aside: float,
+    drift: float,
+    minds: bool,
+    shift: float,
+    pace: float,
+    knows: Knowledge,
 ) -> tuple[float, float, float, float]:
     """Pedal and steering, and the move off the line and its speed after this tick.
 
@@ -149,7 +158,7 @@ def drive_one(
         values: the observation in its own units.
         where: its layout.
         aside, drift: the move off the line so far, m, + is left, and its speed, m/s.
-        pace: share of the profile's speed to drive.
+        minds, shift, pace: as of `Ways`.
         knows: circuit and car.
     """
     velocity, sideways = values[where.velocity], values[where.velocity + 1]
@@ -164,9 +173,14 @@ def drive_one(
     left = along(knows.left, distance, knows.spacing)
     right = along(knows.right, distance, knows.spacing)
     course = heading + sideslip - along(knows.heading, distance, knows.spacing)
-    if abs(lateral - line - aside) > LOST_LINE_M:
+    if abs(lateral - line - aside) > LOST_LINE_M or not knows.remembers:
         aside, drift = lateral - line, clip(velocity * course, -SWERVE * velocity, SWERVE * velocity)
-    target, limit, care = mind_others(values, where, distance, lateral, line, left, right, knows)
+    if not knows.remembers:
+        moved = clip((abs(aside) - ON_LINE_M) / (OFF_LINE_M - ON_LINE_M), 0.0, 1.0)
+        aside, drift = moved * aside, moved * drift
+    target, limit, care = clip(line + shift, min(-right, line), max(left, line)), math.inf, 0.0
+    if minds:
+        target, limit, care = mind_others(values, where, distance, lateral, line, left, right, knows)
     most = min(SIDESTEP_M_S, 0.1 * max(velocity, 1.0))
     wanted = clip((target - line - aside) / SIDESTEP_S, -most, most)
     for until in FORESIGHT_S:
@@ -176,7 +190,8 @@ def drive_one(
         greatest = max(along(knows.left, there, knows.spacing) - line_there, 0.0)
         wanted = clip(wanted, (least - aside) / until, (greatest - aside) / until)
     wanted = clip(wanted, -SWERVE * max(velocity, 1.0), SWERVE * max(velocity, 1.0))
-    drift += clip(wanted - drift, -SIDESTEP_M_S2 * AGENT_DT, SIDESTEP_M_S2 * AGENT_DT)
+    change = SIDESTEP_M_S2 * (AGENT_DT if knows.remembers else TURNING_IN_S)
+    drift += clip(wanted - drift, -change, change)
     course -= drift / max(velocity, 5.0)
     angle = steer(distance, velocity, aside, lateral - line - aside, course, sideslip, yaw_rate, knows)
     aside += drift * AGENT_DT
@@ -213,7 +228,7 @@ def drive(
     deviation: np.ndarray,
     memory: np.ndarray,
     where: Layout,
-    pace: float,
+    ways: Ways,
     knows: Knowledge,
     actions: np.ndarray,
     remembered: np.ndarray,
@@ -224,5 +239,12 @@ def drive(
         for k in range(len(values)):
             values[k] = observations[row, k] * deviation[k] + mean[k]
         actions[row, 0], actions[row, 1], remembered[row, 0], remembered[row, 1] = drive_one(
-            values, where, memory[row, 0], memory[row, 1], pace, knows
+            values,
+            where,
+            memory[row, 0],
+            memory[row, 1],
+            ways.minds[row],
+            ways.shift[row],
+            ways.pace[row],
+            knows,
         )

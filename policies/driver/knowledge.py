@@ -49,6 +49,25 @@ def layout(spec: ObservationSpec) -> Layout:
     return Layout._make((*starts, spec.cars_ahead, spec.cars_behind))
 
 
+class Ways(NamedTuple):
+    """How drivers go on, (n,) each.
+
+    Attributes:
+        minds: whether they mind others and drive where those leave them room.
+        shift: m to the left of the line, where they drive otherwise.
+        pace: share of the profile's speed to drive.
+    """
+
+    minds: NDArray[np.bool_]
+    shift: NDArray[np.float64]
+    pace: NDArray[np.float64]
+
+
+def minding(n: int, pace: float) -> Ways:
+    """The way of n drivers who mind others."""
+    return Ways(np.ones(n, np.bool_), np.zeros(n), np.full(n, pace))
+
+
 class Knowledge(NamedTuple):
     """What the driver knows of circuit and car; the arrays are (rows of the track table,)."""
 
@@ -80,6 +99,7 @@ class Knowledge(NamedTuple):
     car_length: float
     car_width: float
     temper: Temper
+    remembers: bool  # how far it has moved off its line, and how fast; else it goes by where it is
 
 
 @inlined

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from nathlon.policies.driver import Follower
 from nathlon.policies.planning.mppi import Mppi
+from nathlon.policies.planning.rollout import Rollout
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
-from nathlon.sim.blue_flags import NOBODY
 from nathlon.sim.world import World
 
-__all__ = ["Mppi", "Scene", "decide"]
+__all__ = ["Mppi", "Rollout", "Scene", "decide"]
 
 
 def decide(
@@ -25,7 +25,7 @@ def decide(
 ) -> tuple[Batch, Batch]:
     """What a policy does in a world; see `Policy.act`.
 
-    Only nathlon's own planner is shown the world: a policy that is anybody's code could change it. The
+    Only nathlon's own planners are shown the world: a policy that is anybody's code could change it. The
     built-in driver feels the grip where there is weather, and sees blue flags where any are shown.
 
     Args:
@@ -34,19 +34,11 @@ def decide(
         races, cars: (n,) indices of the cars.
         observations, memory: as of `Policy.act`.
     """
-    if isinstance(policy, Mppi):
-        return policy.plan(Scene(world, races, cars), observations, memory)
+    scene = Scene(world, races, cars)
+    if isinstance(policy, Mppi | Rollout):
+        return policy.plan(scene, observations, memory)
     if isinstance(policy, Follower):
-        flagged, own = world.state["flagged_for"][races, cars] != NOBODY, np.ones(len(cars))
+        flagged = scene.flagged
         if world.conditions.weather or flagged.any():
-            felt = grips(world, races, cars) if world.conditions.weather else (own, own)
-            return policy.act_when_told(observations, memory, *felt, flagged)
+            return policy.act_when_told(observations, memory, *scene.grips, flagged)
     return policy.act(observations, memory)
-
-
-def grips(
-    world: World, races: NDArray[np.int64], cars: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Grip of some cars and slip at its peak, as multiples of those on dry road at the start, each (n,)."""
-    state = world.state[races, cars]
-    return state["tyre_grip"] * state["wet_grip"], state["wet_peak"]

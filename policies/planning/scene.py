@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.blue_flags import NOBODY
 from nathlon.sim.world import World
 
 
@@ -21,3 +22,16 @@ class Scene(NamedTuple):
     world: World
     races: NDArray[np.int64]
     cars: NDArray[np.int64]
+
+    @property
+    def grips(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Grip of the cars, and slip at its peak, as multiples of those on dry road at the start; (n,)."""
+        state = self.world.state[self.races, self.cars]
+        if not self.world.conditions.weather:
+            return np.ones(len(state)), np.ones(len(state))
+        return state["tyre_grip"] * state["wet_grip"], state["wet_peak"]
+
+    @property
+    def flagged(self) -> NDArray[np.bool_]:
+        """Which of the cars are shown a blue flag, (n,)."""
+        return np.asarray(self.world.state["flagged_for"][self.races, self.cars] != NOBODY)

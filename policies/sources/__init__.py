@@ -93,6 +93,7 @@ class DriverSettings(NamedTuple):
         early: m before the point where it must brake at which it does.
         grip: of the road that it expects, as a multiple of that of a dry one.
         temper: how near it comes to others, a name of TEMPERS.
+        rollout: s for which it tries ways past others in copies of the race; 0 for not at all.
     """
 
     pace: float = 1.0
@@ -100,6 +101,7 @@ class DriverSettings(NamedTuple):
     early: float = 0.0
     grip: float = 1.0
     temper: str = FAIR
+    rollout: float = 0.0
 
 
 def driver_settings(source: str) -> DriverSettings:
@@ -135,6 +137,10 @@ def driver_settings(source: str) -> DriverSettings:
         raise InputError(f"driver {source!r}: early is {settings.early}, expected 0 to 200 m")
     if not 0.05 <= settings.grip <= 1.5:  # as of the surfaces of a scenario
         raise InputError(f"driver {source!r}: grip is {settings.grip}, expected 0.05 to 1.5")
+    if settings.rollout and not 2.0 <= settings.rollout <= 20.0:
+        raise InputError(f"driver {source!r}: rollout is {settings.rollout}, expected 2 to 20 s, or 0")
+    if settings.rollout and (settings.lane is not None or settings.early):
+        raise InputError(f"driver {source!r}: has a rollout, expected neither lane nor early beside it")
     return settings
 
 

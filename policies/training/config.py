@@ -142,8 +142,8 @@ class ImitationSettings(Section):
 
     Attributes:
         teacher: policy that is imitated.
-        paces: shares of its speed at which it drives, in turn, where it is the built-in driver; the policy in
-            training is shown the plan's speeds likewise.
+        paces: shares of its speed at which the built-in driver drives, in turn, whatever it teaches, unless
+            its name says a pace; the policy in training is shown the plan's speeds likewise.
         rounds: into which the updates of the run are divided; each begins with driving.
         length_s: driven in a round by each car.
         taught: share of the cars that the teacher drives in the first rounds; none from then on.
@@ -151,7 +151,8 @@ class ImitationSettings(Section):
             race is.
         rescuer: policy that is imitated instead where a car faces away from the road or is stranded beside
             it, such as `driver`.
-        racer: policy that is imitated instead where another car is near, such as the path of a checkpoint.
+        racer: policy that is imitated instead where another car is near, such as `driver:rollout=5` or the
+            path of a checkpoint.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.

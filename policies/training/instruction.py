@@ -142,15 +142,14 @@ def instruct(
     learners = learners_of(rollouts, scenario.cars)
     opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
     population = Population(opponents, pair)
-    spec, name = config.observation.spec(), config.imitation.teacher
-    if name == DRIVER:
-        name = f"{DRIVER}:pace={planned.pace:g}"
-        spec = replace(spec, plan_pace=planned.pace) if spec.planned else spec
+    spec = config.observation.spec()
+    if spec.planned and config.imitation.teacher == DRIVER:
+        spec = replace(spec, plan_pace=planned.pace)
     env = OpponentWrapper(episodes, learners.tolist(), spec, population.policies)
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    teachers = Teachers(config.imitation, name, pair, env)
+    teachers = Teachers(config.imitation, planned.pace, pair, env)
     lesson = _Lesson(env, teachers, policy, planned.taught, learners, rollouts.mistakes, rng)
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from nathlon.policies.apart import load_guest
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.environments.opponents import OpponentWrapper
+from nathlon.policies.planning import decide
 from nathlon.policies.policy import Batch, Observations
+from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import ImitationSettings
 from nathlon.policies.training.mistakes import ASTRAY_RAD
 from nathlon.policies.training.pairs import Pair
@@ -89,28 +91,37 @@ class Teacher:
 
     def look(self, asked: NDArray[np.int64]) -> tuple[Observations, Batch]:
         """What it sees from some of the cars, (n,) indices, and what it would do there, (n, 2)."""
-        seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
-        actions, self._memory[asked] = self._policy.act(seen, self._memory[asked])
+        where = self._races[asked], self._cars[asked]
+        seen = self._world.observe(self._policy.observation_spec, *where)
+        actions, self._memory[asked] = decide(self._policy, self._world, *where, seen, self._memory[asked])
         return seen, actions
+
+
+def at_pace(name: str, pace: float) -> str:
+    """The name of a policy; of built-in drivers that of one at a pace, unless it names one itself."""
+    kind, _, settings = name.partition(":")
+    if kind != DRIVER or "pace=" in settings:
+        return name
+    return f"{DRIVER}:{','.join(filter(None, (f'pace={pace:g}', settings)))}"
 
 
 class Teachers:
     """A teacher, and those who say in its stead what to do where it is not the one to ask."""
 
-    def __init__(self, settings: ImitationSettings, teacher: str, pair: Pair, env: OpponentWrapper) -> None:
+    def __init__(self, settings: ImitationSettings, pace: float, pair: Pair, env: OpponentWrapper) -> None:
         """Teachers by what a run says, and the races in which they look on.
 
         Args:
-            settings: name the others.
-            teacher: name of the teacher itself.
+            settings: name them.
+            pace: share of its speed at which a built-in driver teaches, where its name says nothing of pace.
             pair, env: as of `Teacher`.
 
         Raises:
             InputError: as `Teacher`.
         """
-        self._env, self._teacher = env, Teacher(teacher, pair, env)
+        self._env, self._teacher = env, Teacher(at_pace(settings.teacher, pace), pair, env)
         asked = ((settings.racer, racing), (settings.rescuer, astray))
-        self._others = [(Teacher(name, pair, env), where) for name, where in asked if name]
+        self._others = [(Teacher(at_pace(name, pace), pair, env), where) for name, where in asked if name]
 
     def forget(self, cars: NDArray[np.int64]) -> None:
         """Start afresh in the place of some of the cars, (n,) indices."""

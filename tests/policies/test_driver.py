@@ -402,6 +402,8 @@ def test_braking_and_driving_stay_within_the_friction_ellipse() -> None:
         ("driver:courage=1", "unknown setting 'courage', expected one of pace, lane, early"),
         ("driver:grip=0", "grip is 0.0, expected 0.05 to 1.5"),
         ("driver:pace=nan", "setting pace is 'nan', expected a finite number"),
+        ("driver:rollout=1", "rollout is 1.0, expected 2 to 20 s, or 0"),
+        ("driver:rollout=5,lane=2", "has a rollout, expected neither lane nor early beside it"),
     ],
 )
 def test_faulty_settings_are_named(name: str, complaint: str) -> None:

@@ -44,6 +44,6 @@ def test_the_calmer_a_driver_the_more_room_it_leaves() -> None:
 
 def test_a_driver_is_fair_unless_it_is_told_otherwise() -> None:
     assert driver_settings("driver:pace=0.9").temper == "fair"
-    assert driver_settings("driver:pace=0.9,temper=calm") == (0.9, None, 0.0, 1.0, "calm")
+    assert driver_settings("driver:pace=0.9,temper=calm") == (0.9, None, 0.0, 1.0, "calm", 0.0)
     with pytest.raises(InputError, match="temper is 'mad', expected one of calm, fair, aggressive"):
         driver_settings("driver:temper=mad")
