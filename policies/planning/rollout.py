@@ -1,8 +1,8 @@
-"""The built-in driver, which tries ways past others in copies of the race before it takes one.
+"""The built-in driver, which tries ways past others in copies of the race before it drives on.
 
 A rollout algorithm (Sutton and Barto, 2nd edition, 8.10): each of some ways is driven ahead in the simulator
-itself for a while, by the driver as it is from then on, and the one that comes out best is begun. Others are
-taken to be built-in drivers at RIVAL_PACE.
+itself for a while, by the driver as it is from then on. The car does the mean of how they begin, weighted by
+what they bring. Others are taken to be built-in drivers at RIVAL_PACE.
 """
 
 from __future__ import annotations
@@ -44,6 +44,9 @@ SPIN_M, SPIN_RAD = 20.0, 0.6
 """Cost of facing so far away from the road at the end."""
 FAVOUR_M = 0.3
 """By so much a way must be better than the driver's own."""
+
+EQUAL_M = 4.0
+"""A way that is worth so much less counts for a factor of e less in what the car does."""
 
 Floats = NDArray[np.float64]
 
@@ -90,14 +93,12 @@ class Rollout:
     def plan(self, scene: Scene, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """As `Policy.act`, in a world."""
         n = len(scene.cars)
-        ways = minding(n, self.driver.pace)
-        asked = np.flatnonzero(self._near(scene))
-        if len(asked):
-            chosen = self._choose(Scene(scene.world, scene.races[asked], scene.cars[asked]), n)
-            for all_ways, way in zip(ways, chosen, strict=True):
-                all_ways[asked] = way
-        ways = ways._replace(pace=ways.pace * _ease(scene))
-        return self.driver.follow(observations, self.driver.initial_memory(n), ways)[0], memory
+        ways = minding(n, self.driver.pace)._replace(pace=self.driver.pace * _ease(scene))
+        actions, _ = self.driver.follow(observations, self.driver.initial_memory(n), ways)
+        near = np.flatnonzero(self._near(scene))
+        if len(near):
+            actions[near] = self._improve(Scene(scene.world, scene.races[near], scene.cars[near]), n)
+        return actions, memory
 
     def _near(self, scene: Scene) -> NDArray[np.bool_]:
         """Which cars are on their way and have another one near, (n,)."""
@@ -112,19 +113,19 @@ class Rollout:
         return np.asarray(there.any(axis=1) & own["driving"] & ~astray)
 
     def _ways(self, aside: Floats) -> Ways:
-        """What is tried for cars so far to the left of the line, (n, ways) each; the driver's own comes first."""
+        """What is tried for cars so far to the left of the line, (n, ways); the driver's own comes first."""
         own, n = self.driver.pace, len(aside)
         tried = [(True, np.zeros(n), own), (False, np.zeros(n), own)]
         tried += [(False, aside + metres, pace) for pace in (own, SLOWER * own) for metres in ASIDE_M]
         minds, shift, pace = zip(*tried, strict=True)
         return Ways(np.tile(minds, (n, 1)), np.stack(shift, axis=1), np.tile(pace, (n, 1)))
 
-    def _choose(self, scene: Scene, most: int) -> Ways:
-        """The best way of each car, (n,).
+    def _improve(self, scene: Scene, most: int) -> Batch:
+        """What some cars do, (n, 2): as the best ways begin.
 
         Args:
-            scene: the cars that choose.
-            most: cars that may have to choose at once.
+            scene: the cars.
+            most: cars of which this may be asked at once.
         """
         group = Group.of(scene, min(RIVALS, scene.world.state.shape[1] - 1))
         ways = self._ways(self.driver.off_line(group.state[:, 0]))
@@ -134,10 +135,12 @@ class Rollout:
         model.ticks[: n * copies] = np.repeat(group.ticks, copies)
         model.state["driving"][n * copies :] = False
         tried = Ways(*(part.reshape(-1) for part in ways))
-        worth = self._drive(model, tried, np.repeat(_ease(scene), copies)).reshape(n, copies)
+        begun, worth = self._drive(model, tried, np.repeat(_ease(scene), copies))
+        worth = worth.reshape(n, copies)
         worth[:, 0] += FAVOUR_M
-        best = worth.argmax(axis=1)
-        return Ways(*(part[np.arange(n), best] for part in ways))
+        weight = np.exp((worth - worth.max(axis=1, keepdims=True)) / EQUAL_M)
+        weight /= weight.sum(axis=1, keepdims=True)
+        return np.einsum("nw,nwa->na", weight, begun.reshape(n, copies, 2)).astype(np.float32)
 
     def _copies(self, world: World, races: int, cars: int) -> World:
         if self._scratch is None or self._scratch[0] is not world or len(self._scratch[1].state) != races:
@@ -147,8 +150,8 @@ class Rollout:
         copies.arrays().touched[:] = -np.inf
         return copies
 
-    def _drive(self, model: World, ways: Ways, ease: Floats) -> Floats:
-        """What comes of some ways, (n,), in as many of the model's races.
+    def _drive(self, model: World, ways: Ways, ease: Floats) -> tuple[Floats, Floats]:
+        """How some ways begin, (n, 2), and what they are worth, (n,), in as many of the model's races.
 
         Args:
             model: whose first car of each race takes the way.
@@ -170,10 +173,12 @@ class Rollout:
             actions[:n, 0] = self.driver.follow(model.observe(spec, races, first), nothing, way)[0]
             does, memory = self._rival.follow(model.observe(spec, *others), memory, rivals)
             actions[:n, 1:] = does.reshape(n, cars - 1, 2)
+            if step == 0:
+                begun = actions[:n, 0].copy()
             # What the simulator has flung away stays where it is.
             model.step(np.nan_to_num(actions, nan=0.0))
             touching += state["car_contact"][:, 0]
-        return _worth(before, state, touching, model.track.length)
+        return begun, _worth(before, state, touching, model.track.length)
 
 
 def _ease(scene: Scene) -> Floats:
@@ -202,4 +207,4 @@ def _worth(before: NDArray[np.void], state: NDArray[np.void], touching: Floats, 
     worth -= OFF_M_S * (more("off_course_s") + more("wall_s")) + PENALTY_M_S * more("penalty_s")
     worth -= SPIN_M * (np.abs(own["heading_error"]) > SPIN_RAD)
     # A car that the simulator has flung away has no future to choose.
-    return np.where(np.isfinite(worth), worth, -np.inf)
+    return np.where(np.isfinite(worth), worth, -1e12)

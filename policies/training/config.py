@@ -151,8 +151,10 @@ class ImitationSettings(Section):
             race is.
         rescuer: policy that is imitated instead where a car faces away from the road or is stranded beside
             it, such as `driver`.
-        racer: policy that is imitated instead where another car is near, such as `driver:rollout=5` or the
+        racer: policy that is imitated instead where another car is near, such as `driver:rollout=4` or the
             path of a checkpoint.
+        racer_every: steps after which a car asks a racer that remembers nothing again; of those between,
+            nothing is learnt.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.
@@ -166,6 +168,7 @@ class ImitationSettings(Section):
     patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
     rescuer: Annotated[str | None, Field(exclude_if=lambda rescuer: rescuer is None)] = None
     racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
+    racer_every: Annotated[int, Field(ge=1, le=100, exclude_if=lambda every: every == 1)] = 1
     passage: Annotated[int, Field(ge=1, le=1000)] = 16
     recalled: Annotated[int, Field(ge=0, le=1000)] = 4
     telling: Annotated[float, Field(ge=0, le=100)] = 0.1
@@ -277,6 +280,9 @@ class TrainingConfig(Section):
             raise ValueError("keep_replay is true, expected false beside a vision")
         if self.qrsac.encoder:
             raise ValueError("qrsac.encoder is given, expected none beside a vision")
+        if self.imitation is not None and self.imitation.racer_every > 1:
+            # Passages have no gaps.
+            raise ValueError("imitation.racer_every is given, expected none beside a vision")
         self.vision.shapes(camera, 0)  # raises where nothing is left of the pictures
         return self
 

@@ -56,7 +56,7 @@ class Taught(NamedTuple):
     Attributes:
         seen: (steps, cars, ..) observations.
         memory: (steps, cars, m) float32, what the policy remembered of what was before.
-        said: (steps, cars, 2) float32, the teacher's actions.
+        said: (steps, cars, 2) float32, the teacher's actions; nan where nobody was asked.
         shown: (steps, cars, ..) what the teacher saw.
         driving: (steps, cars) whether the car drove.
         begun: (steps, cars) whether it began anew with this step.
@@ -206,7 +206,7 @@ class _Lesson:
         env, before = self._env, self._cars.copy()
         if not env.others:
             self._teachers.forget(np.arange(len(env.cars)))
-        shown, advice = self._teachers.look()
+        shown, advice = self._teachers.look(self._led)
         noise = self._rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
         acted, memory = self._policy.act(env.seen, self._memory)
         actions = np.where(self._led[:, None], advice + noise, acted)

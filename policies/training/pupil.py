@@ -63,8 +63,9 @@ class Pupil(Protocol):
 
 
 def note_numbers(drive: Taught) -> dict[str, NDArray[Any]]:
-    """What was seen and said, step by step."""
-    return {"seen": drive.seen[drive.driving], "said": drive.said[drive.driving]}
+    """What was seen and said, step by step, where somebody was asked."""
+    told = drive.driving & np.isfinite(drive.said).all(axis=2)
+    return {"seen": drive.seen[told], "said": drive.said[told]}
 
 
 class NumbersPupil:

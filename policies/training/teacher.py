@@ -69,6 +69,11 @@ class Teacher:
         show_plan(self._world, self._policy.observation_spec)
         self._memory = self._policy.initial_memory(len(self._cars))
 
+    @property
+    def remembers(self) -> bool:
+        """Whether what it does depends on what was before."""
+        return self._memory.shape[1] > 0
+
     def forget(self, cars: NDArray[np.int64]) -> None:
         """Start afresh in the place of some of the cars, (n,) indices, as their races do."""
         self._memory[cars] = self._policy.initial_memory(len(cars))
@@ -119,6 +124,7 @@ class Teachers:
         Raises:
             InputError: as `Teacher`.
         """
+        self._every, self._step = settings.racer_every, 0
         self._env, self._teacher = env, Teacher(at_pace(settings.teacher, pace), pair, env)
         asked = ((settings.racer, racing), (settings.rescuer, astray))
         self._others = [(Teacher(at_pace(name, pace), pair, env), where) for name, where in asked if name]
@@ -128,11 +134,21 @@ class Teachers:
         for teacher in (self._teacher, *(other for other, _ in self._others)):
             teacher.forget(cars)
 
-    def look(self) -> tuple[Observations, Batch]:
-        """What the teacher sees from all cars, and what to do there, (n, 2)."""
+    def look(self, heeded: NDArray[np.bool_]) -> tuple[Observations, Batch]:
+        """What the teacher sees from all cars, and what to do there, (n, 2); nan where nobody was asked.
+
+        Args:
+            heeded: (n,) cars that do what is said, and so need it at every step.
+        """
         everybody = np.arange(len(self._env.cars))
         seen, advice = self._teacher.look(everybody)
+        turn = (everybody + self._step) % self._every == 0
+        self._step += 1
         for other, where in self._others:
-            said = other.look(everybody)[1]  # everywhere, for what it remembers has to be up to date
-            advice = np.where(where(self._env)[:, None], said, advice)
+            there = where(self._env)
+            # What a teacher remembers has to be up to date; one that remembers nothing may be dear to ask.
+            asked = everybody if other.remembers else np.flatnonzero(there & (turn | heeded))
+            said = np.full_like(advice, np.nan)
+            said[asked] = other.look(asked)[1]
+            advice = np.where(there[:, None], said, advice)
         return seen, advice

@@ -57,6 +57,7 @@ TRAFFIC = polishing(
     imitation={"length_s": 2.0},
     observation=VIEW,
 )
+assert TRAFFIC.imitation is not None
 
 
 SEEING = polishing(
@@ -182,6 +183,18 @@ def test_a_rescuer_or_racer_says_what_to_do_where_it_is_asked_and_the_teacher_el
     np.testing.assert_array_equal(both[asked], instead[asked])
     np.testing.assert_array_equal(both[~asked], alone[~asked])
     assert not np.allclose(instead[asked], alone[asked])
+
+
+def test_a_racer_that_remembers_nothing_may_be_asked_now_and_then_but_by_who_heeds_it_always(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(teacher, "racing", lambda env: np.arange(len(env.cars)) == 0)
+    imitates = {"length_s": 0.8, "racer": "driver:rollout=2", "racer_every": 4}
+    config = TRAFFIC.model_copy(update={"imitation": TRAFFIC.imitation.model_copy(update=imitates)})
+    rows = {share: taught(config, share).rows["said"] for share in (0.0, 1.0)}
+    # Of eight steps: one car is asked in two of them, the other one by its own teacher in all.
+    assert [len(said) for said in rows.values()] == [2 + 8, 8 + 8]
+    assert all(np.isfinite(said).all() for said in rows.values())
 
 
 def test_cars_race_with_those_near_them_on_the_road_across_the_line_too() -> None:
