@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -31,6 +32,9 @@ from nathlon.results.words import STAGES, stage_called
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
+SHARE = "_share"
+"""At the end of the name of an objective that is a share of the time."""
+UNITS_IN_NAMES = re.compile(r"_share$|_per_km$|_s$|_m$")
 ROW_LIMIT = 10_000  # rows of a sheet; all rows are in the tables beside it, and above this it opens slowly
 RECORD = (
     Column("mean", "Mean [1/race]", "0.00", scale=BLUES),
@@ -218,15 +222,15 @@ def _in_words(header: str, summary: Summary) -> str:
 def _pareto(workbook: Any, selection: Selection) -> None:
     """One row an entrant and one column an objective."""
     objectives = selection.tables["objectives"].fill_nan(None)
-    names = objectives["objective"].unique(maintain_order=True).to_list()
-    units = dict(objectives.select("objective", "unit").iter_rows())
+    measured = objectives.unique("objective", maintain_order=True)
+    names = measured["objective"].to_list()
     wide = objectives.pivot("objective", index="entrant", values="value").rename(
         {name: f"objective {name}" for name in names}
     )
     columns = (
         *ENTRANT,
-        *(Column(f"objective {name}", f"{name} [{units[name]}]", "0.000", scale=ORANGES) for name in names),
-        Column("nondominated_probability", "Non-dominated [probability]", "0.0%", 15, BLUES),
+        *(_objective(*one) for one in measured.select("objective", "source", "unit").iter_rows()),
+        Column("nondominated_probability", "Non-dominated in draws", "0.0%", 15, BLUES),
         Column("survives", "Survives"),
         Column("races", "Races", "#,##0"),
     )
@@ -236,6 +240,16 @@ def _pareto(workbook: Any, selection: Selection) -> None:
         .sort("survives", "nondominated_probability", descending=True, nulls_last=True, maintain_order=True)
     )
     write_sheet(workbook, "Pareto", _filled(selection, columns, frame), frame)
+
+
+def _objective(name: str, source: str, unit: str) -> Column:
+    """The column of an objective: what it is of, and its unit; shares are in per cent."""
+    share = name.endswith(SHARE)
+    called = UNITS_IN_NAMES.sub("", name).replace("_", " ").capitalize()
+    told = "" if unit == "1" else f" [{unit}]"
+    where = "time trials" if source == "time_trial" else "filter's races"
+    form = "0.00%" if share else "0.000"
+    return Column(f"objective {name}", f"{called} in the {where}{told}", form, 15, ORANGES)
 
 
 def _run(workbook: Any, selection: Selection, left_out: int) -> None:
@@ -264,8 +278,9 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     if summary.action_times:
         facts.append(("Actions", summary.timed_on))
     facts += [(f"Version of {name}", version) for name, version in sorted(summary.versions.items())]
-    sheet = add_table(workbook, "Run", ["Fact", "Value"], len(facts))
-    left = workbook.add_format({"align": "left"})
+    look: dict[str, Any] = {"align": "left"}
+    sheet = add_table(workbook, "Run", [("Fact", look), ("Value", look)], len(facts))
+    left = workbook.add_format(look)
     sheet.freeze_panes(1, 0)
     sheet.set_column(0, 0, 36)
     sheet.set_column(1, 1, 48)
