@@ -86,8 +86,8 @@ def _write_weights(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
 
 
 def _write_sums(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
-    points = workbook.add_format({"num_format": "#,##0", "bold": True})
-    whole = workbook.add_format({"num_format": "0"})
+    points = workbook.add_format({"num_format": "#,##0", "bold": True, "align": "right"})
+    whole = workbook.add_format({"num_format": "0", "align": "right"})
     last, weighted = TESTS + skills.tests - 1, skills.weighted
     weights = xl_range_abs(WEIGHTS, TESTS, WEIGHTS, last)
     everybody = xl_range_abs(FIRST, weighted, FIRST + len(skills.names) - 1, weighted)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -28,13 +27,10 @@ from nathlon.reports._sheets import (
 from nathlon.reports._skill_sheets import write_skills, write_weighted
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
-from nathlon.results.words import STAGES, stage_called
+from nathlon.results.words import SHARE, STAGES, measure_head, stage_called
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
-SHARE = "_share"
-"""At the end of the name of an objective that is a share of the time."""
-UNITS_IN_NAMES = re.compile(r"_share$|_per_km$|_s$|_m$")
 ROW_LIMIT = 10_000  # rows of a sheet; all rows are in the tables beside it, and above this it opens slowly
 RECORD = (
     Column("mean", "Mean [1/race]", "0.00", scale=BLUES),
@@ -243,13 +239,10 @@ def _pareto(workbook: Any, selection: Selection) -> None:
 
 
 def _objective(name: str, source: str, unit: str) -> Column:
-    """The column of an objective: what it is of, and its unit; shares are in per cent."""
-    share = name.endswith(SHARE)
-    called = UNITS_IN_NAMES.sub("", name).replace("_", " ").capitalize()
-    told = "" if unit == "1" else f" [{unit}]"
+    """The column of an objective: what it is, and where it was measured."""
     where = "time trials" if source == "time_trial" else "filter's races"
-    form = "0.00%" if share else "0.000"
-    return Column(f"objective {name}", f"{called} in the {where}{told}", form, 15, ORANGES)
+    form = "0.00%" if name.endswith(SHARE) else "0.000"
+    return Column(f"objective {name}", f"{measure_head(name, unit)} ({where})", form, 16, ORANGES)
 
 
 def _run(workbook: Any, selection: Selection, left_out: int) -> None:

@@ -68,7 +68,7 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert [row["Contacts low [1/km]"] for row in read] == pytest.approx(ranking["contacts_low"].to_list())
     pareto = _rows(path, "Pareto")
     assert (
-        sum(row["Lap in the time trials [s]"] is None for row in pareto)
+        sum(row["Lap, s (time trials)"] is None for row in pareto)
         == selection.tables["pareto"]["lap_s"].null_count()
         > 0
     )
