@@ -207,7 +207,7 @@ def test_shares_are_in_per_cent_and_objectives_say_where_they_are_from(
     least = full.tables["pareto"]["off_course_share"].min()
     assert isinstance(least, float)
     assert opened.column("pareto", place + 1)[0] == f"{100 * least:.2f}"
-    note = opened.page.locator("section .note").inner_text()
+    note = opened.page.locator("section .note").first.inner_text()
     assert "Off course, %; Contacts per km: in the filter's races." in note
     opened.go(f"#/checkpoint/{key(full, 0)}")
     assert "in the filter's races" in opened.page.locator(".funnel").inner_text()
