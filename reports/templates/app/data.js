@@ -163,7 +163,7 @@ export const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISO
 export const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
 export const MEETINGS = "Round robin";
 export const IN_MEETINGS = `in the ${MEETINGS.toLowerCase()}`;
-export const UNIT = `A unit is the ${EPISODES} of one seed, in which all take turns on the ${onCircuit ? "places of the grid" : "seats"}: in 4v4 a race and the same mirrored.`;
+export const UNIT = `A unit is the ${EPISODES} of one seed, in which all take turns on the ${onCircuit ? "places of the grid: in 4v4 a race and the same mirrored" : "seats"}.`;
 /** @type {Record<string, string>} */
 const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
 /** @param {string} stage */
