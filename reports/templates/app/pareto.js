@@ -10,7 +10,7 @@ import { d3, Plot } from "./libraries.js";
 import { dataTable, entrantColumn } from "./table.js";
 
 /** How far up or down a label may move from its dot, px. */
-const AWAY_PX = [0, -13, 13, -26, 26, -40, 40, -56, 56, -72];
+const AWAY_PX = [0, -13, 13, -26, 26, -40, 40, -56, 56, -72, 72, -90, -108];
 /** Of a label: from its dot; a letter of it; what it stays out of at the left and at the bottom. */
 const [BESIDE_PX, LETTER_PX, LEFT_PX, BELOW_PX] = [9, 6.9, 56, 44];
 const objectiveNames = [...new Set(tables.objectives.map((row) => row.objective))];
@@ -18,9 +18,10 @@ const units = new Map(tables.objectives.map((row) => [row.objective, row]));
 /** @param {string} name */
 export const objectiveUnit = (name) => units.get(name) ?? { unit: "1", goal: "min", source: "" };
 const SHARE = /_share$/; // what is one is told in per cent
+const calledIn = (name) => plain(name.replace(/_s$|_m$|_share$/, ""));
 export const objectiveTitle = (name) => {
   const { unit, goal } = objectiveUnit(name);
-  const title = capital(plain(name.replace(/_s$|_m$|_share$/, "")));
+  const title = capital(calledIn(name));
   const measuredBy = SHARE.test(name) ? ", %" : unit === "1" || unit === "1/km" ? "" : `, ${unit}`;
   return `${title}${measuredBy}${goal === "max" ? ", more is better" : ""}`;
 };
@@ -38,7 +39,10 @@ const MEASURED_IN = { time_trial: "in the time trials", race: `in the filter's $
 export const measuredIn = (name) => MEASURED_IN[objectiveUnit(name).source] ?? "in the filter";
 export const objectiveValue = (index, name) => objectiveShown(name, objectivesOf(index).find((row) => row.objective === name)?.value);
 /** @param {number} index of an entrant */
-export const objectivesTold = (index) => objectivesOf(index).map((row) => `${objectiveTitle(row.objective)} ${written(row.objective, row.value)} ${measuredIn(row.objective)}`);
+export const objectivesTold = (index) => objectivesOf(index).map(({ objective: name, value, unit }) => {
+  const after = SHARE.test(name) ? "\u00a0%" : unit === "1" || unit === "1/km" ? "" : `\u00a0${unit}`;
+  return `${calledIn(name)} ${written(name, value)}${after} ${measuredIn(name)}`;
+});
 // Which runs tell what: in the heads there is no room for it.
 const sources = () => [...groups(objectiveNames.map((name) => ({ name, source: measuredIn(name) })), "source")]
   .map(([source, own]) => `${own.map(({ name }) => objectiveTitle(name)).join("; ")}: ${source}.`).join(" ");
