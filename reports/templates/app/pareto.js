@@ -30,7 +30,7 @@ export const objectiveTitle = (name) => {
  * @param {string} name
  * @param {number | null | undefined} value
  */
-export const objectiveShown = (name, value) => (value !== null && value !== undefined && SHARE.test(name) ? 100 * value : value ?? null);
+const objectiveShown = (name, value) => (value !== null && value !== undefined && SHARE.test(name) ? 100 * value : value ?? null);
 /** @param {string} name */
 export const objectiveDigits = (name) => (SHARE.test(name) || /_per_km$/.test(name) ? 2 : 3);
 const written = (name, value) => number(objectiveShown(name, value), objectiveDigits(name));
