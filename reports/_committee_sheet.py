@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from typing import Any
 
 import polars as pl
@@ -10,10 +11,8 @@ from nathlon.reports._sheets import ENTRANT, RANK, Column, write_sheet
 from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 
-WIDTH = 8
-"""Columns that a sentence goes across."""
-LETTERS = 115
-"""Of a sentence in one line there."""
+LETTERS = 1.1
+"""Of a sentence in a line, for each digit that is as wide."""
 LINE = 15.5
 """Height of a line, points."""
 CONDUCT = (
@@ -54,11 +53,12 @@ def write_committee_sheet(workbook: Any, selection: Selection) -> None:
         workbook.add_format({"text_wrap": True, "valign": "top", **look})
         for look in ({"bold": True, "font_size": 16}, {}, {"font_color": "#666666"})
     ]
+    letters = LETTERS * sum(column.width for column in columns)
     for row, text in enumerate(texts):
         form = forms[0] if row == 0 else forms[-1] if row == len(texts) - 1 else forms[1]
-        sheet.merge_range(row, 0, row, WIDTH - 1, None)
+        sheet.merge_range(row, 0, row, len(columns) - 1, None)
         sheet.write_string(row, 0, text, form)
-        sheet.set_row(row, 26 if row == 0 else LINE * (1 + len(text) // LETTERS))
+        sheet.set_row(row, 26 if row == 0 else LINE * ceil(len(text) / letters))
     sheet.fit_to_pages(1, 1)
 
 
@@ -66,7 +66,7 @@ def _how_to_read(selection: Selection) -> str:
     confidence = f"{selection.summary.confidence:.0%}"
     return (
         "Rank: from 1 + the number of entrants proven better to the last place before those proven worse. "
-        f"Intervals: {confidence}, of one entrant. Of the round robin. Files: last sheet."
+        f"Intervals: {confidence}, of one entrant. All figures are of the round robin. Files: last sheet."
     )
 
 

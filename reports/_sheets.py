@@ -10,6 +10,10 @@ import polars as pl
 
 A4 = 9
 PRINTED_ROWS = 60
+HEADER = 48
+"""Height of a header of two lines, points: what opens a filter lies below them."""
+TEXT = "General"
+"""The form of cells that hold no number."""
 EXACT = 2**53
 """Whole numbers up to which a cell, which is a float, holds all."""
 BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
@@ -33,10 +37,15 @@ class Column:
 
     name: str
     header: str
-    form: str = "General"
+    form: str = TEXT
     width: int = 13
     scale: dict[str, Any] | None = None
     up_to: str | None = None
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """How header and cells are aligned: numbers to the right, texts apart from a number before."""
+        return {"align": "right"} if self.form != TEXT else {"align": "left", "indent": 1}
 
 
 RANK = Column("rank", "Rank", "0", 9, up_to="worst_rank")
@@ -54,13 +63,13 @@ def write_sheet(
     workbook: Any, title: str, columns: tuple[Column, ...], frame: pl.DataFrame, top: int = 0
 ) -> Any:
     """A sheet that holds the frame as a table below `top` rows; header and entrant's name stay in view."""
-    sheet = add_table(workbook, title, [column.header for column in columns], frame.height, top)
+    heads = [(column.header, column.look) for column in columns]
+    sheet = add_table(workbook, title, heads, frame.height, top)
     sheet.freeze_panes(top + 1, 1 + [column.name for column in columns].index("name"))
-    sheet.set_row(top, 32)
     first, last = top + 1, top + frame.height
     for at, column in enumerate(columns):
         shown = _forms(column, frame)
-        forms = {form: workbook.add_format({"num_format": form}) for form in shown}
+        forms = {form: workbook.add_format({"num_format": form, **column.look}) for form in set(shown)}
         sheet.set_column(at, at, column.width)
         for row, (value, form) in enumerate(
             zip(frame[column.name].to_list(), shown, strict=True), start=first
@@ -81,15 +90,21 @@ def _forms(column: Column, frame: pl.DataFrame) -> list[str]:
     ]
 
 
-def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top: int = 0) -> Any:
-    """A sheet with a table that has no cells yet but its headers."""
+def add_table(
+    workbook: Any, title: str, headers: Sequence[tuple[str, dict[str, Any]]], rows: int, top: int = 0
+) -> Any:
+    """A sheet with a table that has no cells yet but its headers, each with how it is aligned."""
     sheet = workbook.add_worksheet(title)
-    form = workbook.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    sheet.set_row(top, HEADER)
+    plain = {"bold": True, "text_wrap": True, "valign": "top", "bottom": 1}
     table = {
         "name": f"{title}Table",
         "style": "Table Style Light 1",
         "banded_rows": False,
-        "columns": [{"header": header, "header_format": form} for header in headers],
+        "columns": [
+            {"header": header, "header_format": workbook.add_format({**plain, **look})}
+            for header, look in headers
+        ],
     }
     # Excel refuses a table without a row.
     sheet.add_table(top, 0, top + max(1, rows), len(headers) - 1, table)
@@ -106,14 +121,15 @@ def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top:
 def write_cell(sheet: Any, row: int, at: int, value: Any, form: Any) -> None:
     """A value as what it is: text never becomes a formula, a number or a link.
 
-    Whole numbers beyond what a cell holds exactly, as of seeds, are text.
+    What is true or not is told in words: programs show it as different things. Whole numbers beyond what a
+    cell holds exactly, as of seeds, are text.
     """
     if value is None:
         sheet.write_blank(row, at, None, form)
     elif isinstance(value, str):
         sheet.write_string(row, at, value, form)
     elif isinstance(value, bool):
-        sheet.write_boolean(row, at, value, form)
+        sheet.write_string(row, at, "yes" if value else "no", form)
     elif isinstance(value, int) and abs(value) > EXACT:
         sheet.write_string(row, at, str(value), form)
     else:

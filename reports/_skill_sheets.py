@@ -86,8 +86,8 @@ def _write_weights(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
 
 
 def _write_sums(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
-    points = workbook.add_format({"num_format": "#,##0", "bold": True})
-    whole = workbook.add_format({"num_format": "0"})
+    points = workbook.add_format({"num_format": "#,##0", "bold": True, "align": "right"})
+    whole = workbook.add_format({"num_format": "0", "align": "right"})
     last, weighted = TESTS + skills.tests - 1, skills.weighted
     weights = xl_range_abs(WEIGHTS, TESTS, WEIGHTS, last)
     everybody = xl_range_abs(FIRST, weighted, FIRST + len(skills.names) - 1, weighted)
@@ -105,19 +105,24 @@ def _write_sums(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
 
 def write_weighted(workbook: Any, skills: SkillSheet) -> None:
     """The entrants in the order of their weighted sums, which moves when a weight is changed."""
-    headers = ["Place", "Entrant", "Weighted sum [points]", "Places gained by the weights"]
-    sheet = add_table(workbook, "Weighted", headers, len(skills.names))
+    columns = (
+        Column("place", "Place", "0", 8),
+        *ENTRANT,
+        Column("weighted", "Weighted sum [points]", "#,##0", 16),
+        Column("gained", "Places gained by the weights", "+0;-0;0", 16),
+    )
+    heads = [(column.header, column.look) for column in columns]
+    sheet = add_table(workbook, "Weighted", heads, len(skills.names))
     sheet.freeze_panes(1, 2)
-    sheet.set_row(0, 32)
-    for at, width in enumerate((8, 28, 16, 16)):
-        sheet.set_column(at, at, width)
-    forms = [workbook.add_format({"num_format": form}) for form in ("0", "#,##0", "+0;-0;0")]
+    for at, column in enumerate(columns):
+        sheet.set_column(at, at, column.width)
+    forms = [workbook.add_format({"num_format": column.form, **column.look}) for column in columns]
     places = skills.column(skills.weighted + 1)
     for place, (name, total) in enumerate(zip(skills.names, skills.sums, strict=True), start=1):
         write_cell(sheet, place, 0, place, forms[0])
         if not skills.tests:
             continue
         found = f"MATCH({xl_rowcol_to_cell(place, 0)},{places},0)"
-        sheet.write_formula(place, 1, f"=INDEX({skills.column(NAME)},{found})", None, name)
-        sheet.write_formula(place, 2, f"=INDEX({skills.column(skills.weighted)},{found})", forms[1], total)
-        sheet.write_formula(place, 3, f"={found}-{xl_rowcol_to_cell(place, 0)}", forms[2], 0)
+        sheet.write_formula(place, 1, f"=INDEX({skills.column(NAME)},{found})", forms[1], name)
+        sheet.write_formula(place, 2, f"=INDEX({skills.column(skills.weighted)},{found})", forms[2], total)
+        sheet.write_formula(place, 3, f"={found}-{xl_rowcol_to_cell(place, 0)}", forms[3], 0)

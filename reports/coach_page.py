@@ -89,7 +89,7 @@ def render_coach_page(drawing: CoachDrawing) -> str:
     facts = drawing.facts
     return render_page(
         "coach/page.html",
-        player_style() + template_text("coach/page.css"),
+        player_style() + template_text("scroll.css", "coach/page.css"),
         "coach/page.js",
         facts=facts,
         words=drawing.words,

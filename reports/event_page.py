@@ -59,7 +59,7 @@ def write_event_page(folder: Path, headline: str, event: str, chapters: Sequence
     """
     page = render_page(
         "event.html",
-        template_text("gate.css", "recipes.css"),
+        template_text("scroll.css", "gate.css", "recipes.css"),
         headline=headline,
         event=event,
         chapters=chapters,

@@ -32,7 +32,7 @@ def render_gate(report: GateReport) -> str:
     """The page's HTML, which needs no network and runs no script."""
     return render_page(
         "gate.html",
-        template_text("gate.css"),
+        template_text("scroll.css", "gate.css"),
         report=report,
         marks=MARKS,
         cells=cells,

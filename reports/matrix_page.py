@@ -44,7 +44,7 @@ def render_matrix(report: MatrixReport) -> str:
     listed = [cell for cell in report.ordered() if cell.verdict != "no sign"][:LISTED]
     return render_page(
         "matrix.html",
-        template_text("gate.css", "matrix.css"),
+        template_text("scroll.css", "gate.css", "matrix.css"),
         "matrix.js",
         report=report,
         listed=listed,

@@ -23,7 +23,7 @@ def render(selection: Selection) -> str:
     """The page's HTML. Its policy admits only the style and the scripts written here, by their hashes."""
     return render_page(
         "page.html",
-        template_text("page.css") + player_style(),
+        template_text("scroll.css", "page.css") + player_style(),
         "app/app.js",
         libraries=[_licensed("d3.min.js", "d3"), _licensed("plot.umd.min.js", "plot")],
         films=True,

@@ -93,7 +93,7 @@ def render_recipes(
     """The page's HTML, which needs no network and runs no script."""
     return render_page(
         "recipes.html",
-        template_text("gate.css", "recipes.css"),
+        template_text("scroll.css", "gate.css", "recipes.css"),
         headline=headline(recipes),
         place=place,
         references=references,

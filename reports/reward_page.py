@@ -112,7 +112,7 @@ def render_reward_page(drawing: RewardDrawing) -> str:
     bounds = (min(laps), max(laps)) if laps else None
     return render_page(
         "reward/page.html",
-        player_style() + template_text("reward/page.css"),
+        player_style() + template_text("scroll.css", "reward/page.css"),
         "reward/page.js",
         drawing=drawing,
         names=list(drawing.clips),

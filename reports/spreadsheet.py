@@ -27,7 +27,7 @@ from nathlon.reports._sheets import (
 from nathlon.reports._skill_sheets import write_skills, write_weighted
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
-from nathlon.results.words import STAGES, stage_called
+from nathlon.results.words import SHARE, STAGES, measure_head, stage_called
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
@@ -218,15 +218,15 @@ def _in_words(header: str, summary: Summary) -> str:
 def _pareto(workbook: Any, selection: Selection) -> None:
     """One row an entrant and one column an objective."""
     objectives = selection.tables["objectives"].fill_nan(None)
-    names = objectives["objective"].unique(maintain_order=True).to_list()
-    units = dict(objectives.select("objective", "unit").iter_rows())
+    measured = objectives.unique("objective", maintain_order=True)
+    names = measured["objective"].to_list()
     wide = objectives.pivot("objective", index="entrant", values="value").rename(
         {name: f"objective {name}" for name in names}
     )
     columns = (
         *ENTRANT,
-        *(Column(f"objective {name}", f"{name} [{units[name]}]", "0.000", scale=ORANGES) for name in names),
-        Column("nondominated_probability", "Non-dominated [probability]", "0.0%", 15, BLUES),
+        *(_objective(*one) for one in measured.select("objective", "source", "unit").iter_rows()),
+        Column("nondominated_probability", "Non-dominated in draws", "0.0%", 15, BLUES),
         Column("survives", "Survives"),
         Column("races", "Races", "#,##0"),
     )
@@ -236,6 +236,13 @@ def _pareto(workbook: Any, selection: Selection) -> None:
         .sort("survives", "nondominated_probability", descending=True, nulls_last=True, maintain_order=True)
     )
     write_sheet(workbook, "Pareto", _filled(selection, columns, frame), frame)
+
+
+def _objective(name: str, source: str, unit: str) -> Column:
+    """The column of an objective: what it is, and where it was measured."""
+    where = "time trials" if source == "time_trial" else "filter's races"
+    form = "0.00%" if name.endswith(SHARE) else "0.000"
+    return Column(f"objective {name}", f"{measure_head(name, unit)} ({where})", form, 16, ORANGES)
 
 
 def _run(workbook: Any, selection: Selection, left_out: int) -> None:
@@ -264,8 +271,9 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     if summary.action_times:
         facts.append(("Actions", summary.timed_on))
     facts += [(f"Version of {name}", version) for name, version in sorted(summary.versions.items())]
-    sheet = add_table(workbook, "Run", ["Fact", "Value"], len(facts))
-    left = workbook.add_format({"align": "left"})
+    look: dict[str, Any] = {"align": "left"}
+    sheet = add_table(workbook, "Run", [("Fact", look), ("Value", look)], len(facts))
+    left = workbook.add_format(look)
     sheet.freeze_panes(1, 0)
     sheet.set_column(0, 0, 36)
     sheet.set_column(1, 1, 48)

@@ -22,7 +22,7 @@ def render_twin_page(twins: Twins) -> str:
     logs = twins.original.log, twins.twin.log
     return render_page(
         "twin/page.html",
-        player_style() + template_text("twin/page.css"),
+        player_style() + template_text("scroll.css", "twin/page.css"),
         "twin/page.js",
         twins=twins,
         log=twins.original.log,

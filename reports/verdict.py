@@ -173,7 +173,8 @@ def _points(row: Row, confidence: str, summary: Summary) -> str:
     within = interval and f" ({confidence} {interval})"
     if not row["races"]:
         return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
-    number = f"{row['races']:,} {summary.episode if row['races'] == 1 else summary.episodes}"
+    raced = counted(row["races"], summary.episode, summary.episodes)
+    number = f"{raced} of the {STAGES['tournament']}"
     if row["mean"] is not None:
         within = _interval(row["mean_low"], row["mean_high"], 2)
         within = within and f" ({confidence} {within})"
@@ -195,7 +196,7 @@ def _manners(row: Row) -> str:
     blame = row["at_fault_per_km"]
     blamed = "" if blame is None else f", {blame:.2f} per km at fault"
     touched = f"{row['contacts_per_km']:.2f} contacts per km{interval and f' ({interval})'}"
-    return f"Its cars had {touched}{blamed}.{faults}"
+    return f"There its cars had {touched}{blamed}.{faults}"
 
 
 def _barred(ranking: Sequence[Row]) -> str:

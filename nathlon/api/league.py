@@ -108,5 +108,5 @@ def league(
 def _note(met: Generation) -> str:
     """Who goes on from a generation, for those who look on."""
     best = met.member(met.parent)
-    fault = "" if best.at_fault_per_km is None else f", at fault {best.at_fault_per_km:.3f} a km"
+    fault = "" if best.at_fault_per_km is None else f", at fault {best.at_fault_per_km:.3f} per km"
     return f"{best.name}: {best.points_per_race:.1f} points{fault}"

@@ -165,7 +165,7 @@ def select(
     progress: bool = True,
     on_verdict: OnVerdict | None = None,
 ) -> SelectionResult:
-    """Select the best of some checkpoints: filter, skill tests, committee, round robin, report.
+    """Select the best of some checkpoints: filter, n-athlon, committee, round robin, report.
 
     The same call goes on with a selection that was stopped. Objects race in this process, files in others.
 

@@ -33,7 +33,7 @@ def battery(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put entrants through the n-athlon: skill tests with points.
+    """Put entrants through the n-athlon: tests of one skill each, with points.
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """

@@ -11,7 +11,7 @@ import typer
 from nathlon.commands.groups import NAMES, CommandGroup
 from nathlon.commands.options import AsJson, StoreName
 from nathlon.results.ranks import written_rank
-from nathlon.results.words import figure
+from nathlon.results.words import STAGES, figure
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from nathlon.selection.committee.event_log import EventLog
 
 SHORTEST_ID = 6
+MEASURED_IN = {"shortlist": STAGES["battery"], "selection": STAGES["tournament"]}
+"""The stage that the figures come from by which a question is answered."""
+READING = (
+    "Rank: a range where no order is proven. For: ballots that approve. "
+    "Favour: share of the comparisons with others that it wins."
+)
 
 committee = CommandGroup("Ask the committee, vote and decide.")
 
@@ -229,6 +235,10 @@ def _print(decision: CommitteeDecision) -> None:
         state += f", waits for {decision.waits_for} more"
     say(f"{decision.name}: {wanted} wanted, {state}")
     print_table(_standings(decision))
+    source = MEASURED_IN[decision.opened.question]
+    chosen = "chosen" if decision.result else "would be chosen as it stands"
+    say(f"  * {chosen}: first of those that are fit; ties go to higher favour, then to more points.")
+    say(f"  Figures are of the {source}. {READING}")
     names = decision.opened.candidates
     for said in decision.said.values():
         for entry in said:
@@ -243,12 +253,22 @@ def _print(decision: CommitteeDecision) -> None:
         say(f"  Agreement of the members: {result.agreement:.2f} ({meaning})")
 
 
+def _percent(share: float | None, digits: int = 0) -> str:
+    """A share as it is written everywhere; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.{digits}f} %"
+
+
 def _standings(decision: CommitteeDecision) -> Table:
     """Evidence and standing of every candidate, from first to last."""
+    from rich.text import Text
+
     result = decision.result or decision.tally()
     shown = {row["entrant"]: row for row in decision.opened.evidence.rows}
-    heads = ("Points", "Rank", "Contacts a km", "At fault a km", "Off course", "Faults", "For", "Favour")
+    conduct = ("Contacts\nper km", "At fault\nper km", "Off\ncourse", "Faults")
+    heads = ("Points", "Rank", *conduct, "For", "Favour")
     table = new_table(None, ("", "Entrant", *heads), ("", "Entrant"), lean=True)
+    for column in table.columns:
+        column.header = Text(str(column.header))  # keeps its line ends, which texts from elsewhere must not
     for standing in result.standings:
         row = shown[standing.entrant]
         table.add_row(
@@ -258,9 +278,9 @@ def _standings(decision: CommitteeDecision) -> Table:
             written_rank(row["rank"], row.get("worst_rank")),
             figure(row["contacts_per_km"]),
             figure(row["at_fault_per_km"]),
-            figure(row["off_course_share"], form=".1%"),
+            _percent(row["off_course_share"], 1),
             str(row["faults"]),
             f"{standing.approved_by}/{result.ballots}",
-            f"{standing.favour:.2f}",
+            _percent(standing.favour),
         )
     return table

@@ -11,6 +11,7 @@ from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed
 from nathlon.commands.selection import say_set_aside, stoppable
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
+from nathlon.results.words import SHARE, measure_head
 from nathlon.sim.whole_file import check_output, whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -110,10 +111,13 @@ def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
 
 
 def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objective]) -> None:
+    from nathlon.selection.pareto.objective import quantity
+
     names = [objective.name for objective in objectives]
-    title = f"{front.height} of {entered} checkpoints may be on the front"
-    shown = new_table(title, ("Entrant", *names, "Probability", "Races"))
+    title = f"Filter: {front.height} of {entered} checkpoints may be on the front"
+    heads = [measure_head(objective.name, quantity(objective.measure).unit) for objective in objectives]
+    shown = new_table(title, ("Entrant", *heads, "Non-dominated, %", "Races"))
     for row in front.iter_rows(named=True):
-        values = [f"{row[name]:.4g}" for name in names]
-        shown.add_row(row["name"], *values, f"{row['nondominated_probability']:.2f}", str(row["races"]))
+        values = [f"{100 * row[name]:.2f}" if name.endswith(SHARE) else f"{row[name]:.4g}" for name in names]
+        shown.add_row(row["name"], *values, f"{100 * row['nondominated_probability']:.0f}", str(row["races"]))
     print_table(shown)

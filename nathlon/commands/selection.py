@@ -56,7 +56,7 @@ def demo(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
+    """Select the best of the bundled checkpoints: filter, n-athlon, committee, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
     members = tuple(name.strip() for name in (committee or "").split(",") if name.strip())
@@ -167,7 +167,7 @@ def report(
     ] = None,
     out: Out = Path("runs/report"),
     record_all: Annotated[
-        bool, typer.Option("--record-all", help="Record every race of the tournament.")
+        bool, typer.Option("--record-all", help="Record every race of the round robin.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -90,7 +90,7 @@ def what_it_tells(report: RehearsalReport) -> list[str]:
     """In plain words, what a selection in a world can tell and what it cannot."""
     told = [_meetings(tried.name, tried.setup) for tried in report.scenarios]
     if all(len(tried.setup.sides) < 2 for tried in report.scenarios):
-        told.append("No sides meet, so that there is no tournament: the n-athlon ranks.")
+        told.append("No sides meet, so that there is no round robin: the n-athlon ranks.")
     if report.measures:
         ways = {"min": "less", "max": "more"}
         measures = ", ".join(

@@ -110,12 +110,14 @@ class TestMarks(ResultModel):
     Attributes:
         asks: what the test asks, for people.
         stretch_m: where it begins and ends, from the line; None for whole laps, or where that is not known.
+        failed: by entrant's id, how many of its runs set no mark, where any did; None if that was not kept.
     """
 
     base: float
     reference: float
     asks: str = ""
     stretch_m: tuple[float, float] | None = None
+    failed: dict[str, int] | None = None
 
 
 @dataclass(frozen=True)

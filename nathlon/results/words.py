@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
 """What readers call the stages that judge."""
+SHARE = "_share"
+"""At the end of the name of a measure that is a share: people read it in per cent."""
+UNIT_IN_NAME = re.compile(r"_share$|_s$|_m$")
 AUTOMATIC = "rule:"
 """What the name of an automatic member of a committee begins with."""
 
@@ -21,6 +26,18 @@ def an_episode(episode: str) -> str:
 def episodes(episode: str) -> str:
     """Several of them."""
     return f"{episode}{'es' if episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
+
+
+def measure_called(name: str) -> str:
+    """What readers call a measure, without its unit: `off_course_share` is off course, `lap_s` lap."""
+    return UNIT_IN_NAME.sub("", name).replace("_", " ")
+
+
+def measure_head(name: str, unit: str) -> str:
+    """A measure at the head of its values, which are in this unit, shares in per cent."""
+    told = "%" if name.endswith(SHARE) else "" if unit in ("1", "1/km") else unit
+    called = measure_called(name)
+    return f"{called[:1].upper()}{called[1:]}{told and f', {told}'}"
 
 
 def counted(number: int, what: str, several: str = "") -> str:

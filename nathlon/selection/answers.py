@@ -104,6 +104,7 @@ def summarise(run: Run, field: EntryList, config: Config, answers: StageAnswers)
                 reference=marks.reference,
                 asks=tested.asked[test],
                 stretch_m=tested.stretches[test],
+                failed=tested.failed[test],
             )
             for test, marks in tested.marks.items()
         },

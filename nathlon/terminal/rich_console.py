@@ -65,7 +65,7 @@ def _as_list(table: Table, width: int) -> Iterator[str]:
     """The lines of a list instead of a table: every row's name, and below it the figures with their heads."""
     if table.title:
         yield str(table.title)
-    heads = [str(column.header) for column in table.columns]
+    heads = [str(column.header).replace("\n", " ") for column in table.columns]
     name = next((i for i, column in enumerate(table.columns) if heads[i] and column.justify == "left"), 0)
     for row in zip(*(column.cells for column in table.columns), strict=True):
         cells = [cell.plain if isinstance(cell, Text) else str(cell) for cell in row]

@@ -56,3 +56,11 @@ export function clock(seconds, digits = 1) {
 
 /** @param {string} text */
 export const capital = (text) => text[0].toUpperCase() + text.slice(1);
+
+/**
+ * A name in so many letters at most: how it begins and how it ends.
+ * @param {string} name
+ * @param {number} letters
+ */
+export const shortened = (name, letters) =>
+  name.length <= letters ? name : `${name.slice(0, Math.ceil((letters - 1) / 2))}…${name.slice(-Math.floor((letters - 1) / 2))}`;

@@ -104,8 +104,8 @@ def test_gates_leave_out_the_ill_behaved_and_say_why(event_log: EventLog) -> Non
     ballot = decision.ballots()["rule:clean"]
     assert ballot.reason == (
         "1 of 4 pass the gates, in order of n-athlon points; "
-        "left out: birch (contacts_per_km is 1.1, at most 1); cedar (at_fault_per_km is 0.3, at most 0.2); "
-        "delta (off_course_share is 0.103, at most 0.1)"
+        "left out: birch (contacts per km: 1.1, at most 1); cedar (at fault per km: 0.3, at most 0.2); "
+        "delta (off course: 10.3 %, at most 10 %)"
     )
 
 

@@ -96,6 +96,13 @@ def test_two_browsers_and_the_terminal_decide_together(browser: Browser, store: 
         ann.shows("reopened by bob: new videos", "#log")
         assert "ann approves cedar, delta, ranks cedar > delta: calm" in ann.page.locator("#log").inner_text()
         ann.picture("log")
+        ann.page.set_viewport_size({"width": 390, "height": 800})
+        words = ann.page.locator("#log td:last-child").first.bounding_box()
+        assert words is not None
+        assert words["width"] > 300
+        for view in ("Questions", "Report", "Races", "Log", "Work", "History"):
+            ann.page.click(f"#views >> text={view}")
+            assert ann.page.evaluate("document.documentElement.scrollWidth") == 390, view
         assert all(meeting.url(name).partition("#")[2] not in url for name in ("ann", "bob")
                    for window in (ann, bob) for url in window.requests)  # fmt: skip
         ann.close()

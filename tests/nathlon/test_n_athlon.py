@@ -132,6 +132,19 @@ def test_points_and_order_follow_from_the_runs(store: Store) -> None:
     assert answer.results["entrant"].n_unique() == len(ENTRANTS) + 1
 
 
+def test_runs_that_set_no_mark_are_counted(store: Store) -> None:
+    run, tests = night(store, 1), load_skills(["hot_lap"])
+    lost = ENTRANTS[0].id
+    planned = skill_matches(ENTRANTS, tests, run.seeds("battery"))
+    keep(store, list(planned.values()), lambda entrant: None if entrant == lost else LAP_S[entrant])
+    keep(store, list(marking_matches(tests, ENTRANTS[0]).values()), lambda _: 100.0)
+    runs = tests[0].runs
+    assert run_battery(run, ENTRANTS, SETTINGS).failed == {
+        "hot lap": {lost: runs},
+        "consistency": {lost: runs},
+    }
+
+
 def test_a_circuit_without_the_section_sets_the_test_aside(store: Store) -> None:
     answer = run_battery(raced(store, 1), ENTRANTS, SETTINGS)
     assert set(answer.marks) == {"hot lap", "consistency"}

@@ -91,3 +91,9 @@ def test_no_command_is_wider_than_the_terminal(
         printed = STYLES.sub("", nathlon(*words, cwd=tmp_path).stdout)
         assert max(map(cell_len, printed.splitlines())) <= width, printed
         assert words[0] != "committee" or all(name in printed for name in NAMES)
+        if words[-1] == "show" and words[0] == "committee":
+            told = " ".join(printed.split())
+            assert "* would be chosen as it stands: first of those that are fit" in told
+            assert "Figures are of the n-athlon." in told
+            # A table where there is room, and then with the heads in one column.
+            assert ("Contacts At fault Off" in told) == (width == 120)

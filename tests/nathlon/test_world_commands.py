@@ -52,7 +52,7 @@ def test_what_a_world_without_sides_cannot_tell_is_said(tmp_path: Path) -> None:
     name = world_of(tmp_path, f"GymnasiumWorld({{'only': envs['Alone']}}, {measures})")
     done = nathlon("world", "check", name, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "there is no tournament: the n-athlon ranks" in done.stdout
+    assert "there is no round robin: the n-athlon ranks" in done.stdout
     assert "steps (steps, less is better)" in done.stdout
 
 

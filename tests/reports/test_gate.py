@@ -22,7 +22,9 @@ FAILED = GateFinding(
     verdict=Decision.FAIL,
 )  # fmt: skip
 OPEN = GateFinding(measure="chicane", unit="in points", margin=50.0, difference=-20.0, units=64, most=64)
-ASIDE = GateFinding(measure="contacts", unit="a km", margin=0.05, set_aside="nothing of the kind is measured")
+ASIDE = GateFinding(
+    measure="contacts", unit="per km", margin=0.05, set_aside="nothing of the kind is measured"
+)
 
 
 def report(*candidates: tuple[str, Decision, tuple[GateFinding, ...]]) -> GateReport:

@@ -14,7 +14,7 @@ from nathlon.reports.page import render, write_page
 from nathlon.results.ranks import written_rank
 from nathlon.results.selection import Selection
 from tests.support.lap_tables import RADIUS_M
-from tests.support.opened_page import Opened, full_night, views
+from tests.support.opened_page import Opened, full_night, key, views
 from tests.support.selections import PERSON, TESTS, build, card, ranked, with_tables
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
@@ -194,6 +194,46 @@ def test_pareto_draws_what_is_chosen(browser: Browser, tmp_path: Path, full: Sel
     opened.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     opened.page.wait_for_url("**#/checkpoint/*")
     opened.assert_quiet()
+
+
+def test_shares_are_in_per_cent_and_objectives_say_where_they_are_from(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = Opened(browser, full, tmp_path, "#/pareto?sort=off_course_share")
+    heads = opened.page.locator("#pareto thead button").all_inner_texts()
+    place = heads.index("Off course, %")
+    hint = opened.page.get_by_role("button", name="Off course, %").get_attribute("title")
+    assert hint == "In the filter's races"
+    least = full.tables["pareto"]["off_course_share"].min()
+    assert isinstance(least, float)
+    assert opened.column("pareto", place + 1)[0] == f"{100 * least:.2f}"
+    note = opened.page.locator("section .note").first.inner_text()
+    assert "Off course, %; Contacts per km: in the filter's races." in note
+    opened.go(f"#/checkpoint/{key(full, 0)}")
+    assert "in the filter's races" in opened.page.locator(".funnel").inner_text()
+    opened.go("#/leaderboard")
+    assert "Points and contacts: in the round robin." in opened.page.locator(".note").first.inner_text()
+    opened.assert_quiet()
+
+
+def test_a_test_says_how_many_of_its_runs_failed(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    first, second = full.named("battery").sort("rank", maintain_order=True)["entrant"][:2]
+    hot_lap = TESTS.index("hot_lap")
+    for failed, told in (
+        ({first: 2}, ["2 of 24 failed and have 0 points; mean mark", "none failed"]),
+        (None, ["of the runs that set one"] * 2),
+    ):
+        marks = full.summary.marks | {
+            "hot_lap": full.summary.marks["hot_lap"].model_copy(update={"failed": failed})
+        }
+        summary = full.summary.model_copy(update={"marks": marks})
+        opened = Opened(browser, replace(full, summary=summary), tmp_path, "#/n-athlon")
+        names = opened.names("n-athlon")
+        for entrant, words in zip((first, second), told, strict=True):
+            name = full.tables["entrants"].filter(entrant=entrant)["name"][0]
+            row = opened.page.locator("#n-athlon tbody tr").nth(names.index(name))
+            assert words in (row.locator(".cell").nth(hot_lap).get_attribute("title") or "")
+        opened.assert_quiet()
 
 
 def test_n_athlon_and_matchups_show_their_tables(browser: Browser, tmp_path: Path, full: Selection) -> None:

@@ -68,7 +68,33 @@ def test_no_view_is_wider_than_a_phone(browser: Browser, tmp_path: Path, short: 
     for address in views(short):
         opened.go(address)
         assert opened.page.evaluate("document.documentElement.scrollWidth") == 390, address
+        links = opened.page.evaluate(
+            "[...document.querySelectorAll('nav a, nav button')].map(e => e.getBoundingClientRect().right)"
+        )
+        assert max(links) <= 390
         opened.picture(f"phone {address}")
+    opened.assert_quiet()
+
+
+NAMES = "[...document.querySelectorAll('figure g[data-mark=text] text')]"
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_names_of_the_front_cover_neither_each_other_nor_their_dots(
+    browser: Browser, tmp_path: Path, short: Selection, width: int
+) -> None:
+    opened = Opened(browser, short, tmp_path, viewport={"width": width, "height": 900})
+    opened.go("#/pareto")
+    box = "(e => [e.left, e.right, e.top, e.bottom])(e.getBoundingClientRect())"
+    boxes = opened.page.evaluate(f"{NAMES}.map(e => {box})")
+    for (left, right, top, bottom), (other, end, above, below) in itertools.combinations(boxes, 2):
+        assert right <= other or end <= left or bottom <= above or below <= top
+    assert all(left >= 0 and right <= width for left, right, *_ in boxes)
+    told = opened.page.evaluate(f"{NAMES}.map(e => e.textContent)")
+    finalists = set(short.named("ranking")["name"])
+    assert [name for name in told if name.endswith(", sent")]
+    if width == 1280:
+        assert finalists <= {name.removesuffix(", sent") for name in told}
     opened.assert_quiet()
 
 

@@ -46,10 +46,12 @@ def test_first_alone() -> None:
         "rule:ranking, “all pass the gates, in order of points in the round robin”."
     )
     assert told.sentences[1] == (
-        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races: alone in rank 1 of 2."
+        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races of the round robin: "
+        "alone in rank 1 of 2."
     )
     assert told.sentences[2] == (
-        "Its cars had 0.20 contacts per km (0.15–0.26), 0.10 per km at fault. Nobody is barred for contacts."
+        "There its cars had 0.20 contacts per km (0.15–0.26), 0.10 per km at fault. "
+        "Nobody is barred for contacts."
     )
 
 
@@ -64,7 +66,7 @@ def test_a_rule_alone_is_no_committee() -> None:
 def test_a_shared_first_rank_is_a_tie() -> None:
     rows = [ranked(IDS[0], 1, 20.0), ranked(IDS[1], 1, 20.4), ranked(IDS[2], 3, 9.0)]
     told = verdict(night(*rows))
-    assert told.sentences[1].endswith("in 80 races: statistically tied with e1.")
+    assert told.sentences[1].endswith("in 80 races of the round robin: statistically tied with e1.")
     many = verdict(night(*(ranked(entrant, 1, 20.0) for entrant in IDS)))
     assert many.sentences[1].endswith("statistically tied with 5 others.")
 
@@ -119,7 +121,7 @@ def test_single_finalist_and_unknown_contacts() -> None:
         ("contacts_per_km", "contacts_low", "contacts_high", "at_fault_per_km")
     )
     alone = verdict(night(ranked(IDS[0], 1, 10.0, faults=320, **lost)))
-    assert alone.sentences[1].endswith("in 80 races. It raced nobody, so nothing is proven.")
+    assert alone.sentences[1].endswith("of the round robin. It raced nobody, so nothing is proven.")
     assert alone.sentences[2].startswith(
         "Its contact rate is unknown. It ended 320 car runs by its own fault."
     )

@@ -57,6 +57,35 @@ class Opened:
         assert self.complaints == []
 
 
+def test_a_penalty_zone_says_what_it_is(browser: Browser, tmp_path: Path, log: RaceLog) -> None:
+    free = replace(log, outline=replace(log.outline, zone=np.zeros_like(log.outline.zone)))
+    for race, told in ((log, ["penalty zone"]), (free, [])):
+        path = tmp_path / f"{len(told)}.html"
+        write_player(race, path)
+        opened = Opened(browser, path)
+        assert opened.page.locator(".zones").all_inner_texts() == told
+        opened.assert_quiet()
+
+
+def test_names_that_are_too_long_keep_their_ends(browser: Browser, tmp_path: Path, log: RaceLog) -> None:
+    names = tuple(f"a-name-of-a-run-that-is-long-{end}" for end in ("fair-012k", "fair-024k", "mend-059k"))
+    path = tmp_path / "race.html"
+    write_player(replace(log, names=names), path)
+    opened = Opened(browser, path)
+    right = "e => e.getBoundingClientRect().right"
+    for button in opened.page.locator("#order tbody button").all():
+        whole, ends = button.get_attribute("title") or "", button.locator("span").nth(1)
+        assert whole.partition(" ")[2] in names
+        assert whole.endswith(ends.inner_text())
+        assert ends.inner_text()[1:] in {name[-9:] for name in names}
+        assert ends.evaluate(right) <= button.evaluate(right)
+    options = opened.page.locator("#follow option").all_text_contents()[1:]
+    assert [option[-9:] for option in options] == [name[-9:] for name in names]
+    opened.page.locator("#follow").select_option("2")
+    assert (opened.page.locator("#follow").get_attribute("title") or "").endswith(names[2])
+    opened.assert_quiet()
+
+
 @pytest.fixture
 def opened(browser: Browser, log: RaceLog, tmp_path: Path) -> Iterator[Opened]:
     write_player(log, tmp_path / "race.html")

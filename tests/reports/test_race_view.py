@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from playwright.sync_api import Browser
 
@@ -81,6 +82,20 @@ def test_the_order_in_the_page_is_that_of_the_log(browser: Browser, tmp_path: Pa
     order = np.argsort(full.logs[0].samples["place"][100]).tolist()
     names = opened.page.locator("#order tbody button").all_inner_texts()
     assert [name.split()[0] for name in names] == [str(car + 1) for car in order]
+    opened.assert_quiet()
+
+
+def test_a_car_that_did_not_finish_says_so_at_its_line(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    log = full.logs[0]
+    race = (pl.col("match") == log.match) & (pl.col("race") == log.race)
+    ending = pl.when(race & (pl.col("slot") == 3)).then(pl.lit("stuck")).otherwise("ending").alias("ending")
+    opened = open_race(browser, tmp_path, replace(full, results=full.results.with_columns(ending)))
+    opened.until("document.querySelectorAll('figure g[data-mark=text] text').length > 0")
+    labels = opened.page.locator("figure g[data-mark=text] text").all_text_contents()
+    assert [label for label in labels if label.endswith("out")] == ["3 out"] * labels.count("3 out") != []
+    assert "Out: did not finish." in opened.page.locator(".charts .note").inner_text()
     opened.assert_quiet()
 
 

@@ -68,11 +68,11 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert [row["Contacts low [1/km]"] for row in read] == pytest.approx(ranking["contacts_low"].to_list())
     pareto = _rows(path, "Pareto")
     assert (
-        sum(row["lap_s [s]"] is None for row in pareto)
+        sum(row["Lap, s (time trials)"] is None for row in pareto)
         == selection.tables["pareto"]["lap_s"].null_count()
         > 0
     )
-    assert sum(row["Survives"] is True for row in pareto) == selection.tables["pareto"]["survives"].sum()
+    assert sum(row["Survives"] == "yes" for row in pareto) == selection.tables["pareto"]["survives"].sum()
     matchup = _rows(path, "Matchups")[0]
     first = selection.tables["matchups"].row(0, named=True)
     assert matchup["Difference [points/race]"] == pytest.approx(first["difference"])
@@ -234,6 +234,22 @@ def test_a_committee_finds_the_verdict_and_the_finalists_on_the_first_sheet(
     assert own["Points, interval"] == f"{first['points_low']:.1f} to {first['points_high']:.1f}"
     assert own["Contacts, interval"] == f"{first['contacts_low']:.2f} to {first['contacts_high']:.2f}"
     assert len(rows) == selection.tables["ranking"].height
+
+
+def test_texts_stand_apart_from_numbers_and_heads_above_them(selection: Selection, tmp_path: Path) -> None:
+    book = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))
+    for sheet in (one for one in book if one.title != "Run"):
+        [table] = sheet.tables.values()
+        heads, first, *_ = sheet[table.ref]
+        for head, cell in zip(heads, first, strict=True):
+            assert head.alignment.horizontal == cell.alignment.horizontal, (sheet.title, head.value)
+            assert (cell.alignment.horizontal, cell.alignment.indent) in (("right", 0), ("left", 1))
+            assert not isinstance(cell.value, bool), (sheet.title, head.value)
+    barred = [row["Barred"] for row in _rows(tmp_path / "ranking.xlsx", "Ranking")]
+    expected = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])[
+        "barred"
+    ]
+    assert barred == ["yes" if one else "no" for one in expected]
 
 
 def test_digests_and_paths_are_on_the_last_sheet_alone(selection: Selection, tmp_path: Path) -> None:

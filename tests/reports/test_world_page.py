@@ -74,7 +74,7 @@ def test_it_tells_of_the_world_s_own_things_and_plays_its_videos(
         seen.append(page.locator("main").inner_text())
     assert "mean score a bout played" in seen[1].lower()
     assert "won, %" in seen[1].lower()
-    assert "hits [lights]" in seen[2]
+    assert "Hits, lights" in seen[2]
     assert "left: " in seen[-1]
     assert "right: " in seen[-1]
     # Names of files say what they are called.

@@ -180,7 +180,7 @@ def at_fault_question(margin: float, series: Series, pair: RunPair, errors: Erro
         km = float(by_unit["km"].mean())  # type: ignore[arg-type]  # there are some
         return mean_judged(test, Sample.of(by_unit["difference"].to_numpy(), sqrt(margin / km)))
 
-    return GateQuestion("contacts at fault", "a km", margin, series, judge)
+    return GateQuestion("contacts at fault", "per km", margin, series, judge)
 
 
 def completion_question(

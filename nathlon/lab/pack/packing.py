@@ -50,7 +50,7 @@ def pack_run(folder: Path, store: Store, out: Path, key: Path | None = None) -> 
         key: that signs it; None leaves it unsigned.
 
     Raises:
-        InputError: if the store does not hold the run, it has no tournament or report, a checkpoint is gone
+        InputError: if the store does not hold the run, it has no round robin or report, a checkpoint is gone
             or is another one by now, or there is more than a pack may hold.
     """
     summary = read_summary(folder / SUMMARY)
@@ -119,7 +119,7 @@ def _files(folder: Path) -> list[Path]:
 def _matches(store: Store, run: str) -> list[dict[str, object]]:
     results = store.results_of_run(run, "tournament")
     if results.is_empty():
-        raise InputError(f"{store.name}: run {run} has no tournament, expected races to pack")
+        raise InputError(f"{store.name}: run {run} has no round robin, expected races to pack")
     keys = results["match"].unique(maintain_order=True).to_list()
     ran_on = store.processors(keys)
     return [

@@ -156,7 +156,7 @@ def pairs_page(studio: Studio, question: ClipQuestion, socket: str, token: str) 
     }
     return render_page(
         "reward/pairs.html",
-        player_style() + template_text("reward/page.css", "reward/pairs.css"),
+        player_style() + template_text("scroll.css", "reward/page.css", "reward/pairs.css"),
         "reward/pairs.js",
         connect=socket.rpartition("/")[0],
         task=question.task,

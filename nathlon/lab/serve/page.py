@@ -17,7 +17,7 @@ def room_page(address: Address, store: str) -> str:
     session = {"socket": f"{address.socket}/room", "longest": LONGEST_REASON}
     return render_page(
         "meeting/page.html",
-        template_text("meeting/page.css"),
+        template_text("scroll.css", "meeting/page.css"),
         "meeting/room.js",
         connect=f"{address.socket} {address.origin}",
         frames=address.origin,

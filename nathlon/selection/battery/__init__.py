@@ -77,12 +77,14 @@ class BatteryAnswer(Answer):
         set_aside: tests that could not be held here, and why.
         asked: what each of the others asks, for people.
         stretches: where each of them is held; see `nathlon.selection.battery.place.stretch`.
+        failed: by test and entrant, how many runs set no mark, where any did.
     """
 
     marks: dict[str, Marks]
     set_aside: dict[str, str]
     asked: dict[str, str]
     stretches: dict[str, tuple[float, float] | None]
+    failed: dict[str, dict[str, int]]
 
 
 def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings) -> BatteryAnswer:
@@ -96,7 +98,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     began = time.perf_counter()
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
-        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {}, {}, {})
+        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {}, {}, {}, {})
     world = home(entrants[0])
     tests = load_skills(settings.tests, world) or standing_tests(world)
     set_aside = _without_room(tests, world)
@@ -135,7 +137,8 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     asked = {skill.name: skill.description for skill in held}
     circuit = entrants[0].circuit
     stretches = {skill.name: stretch(skill, circuit) if circuit else None for skill in held}
-    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside, asked, stretches)
+    failed = {name: _failed(frame) for name, frame in zip(marks, scored, strict=True)}
+    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside, asked, stretches, failed)
 
 
 def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: SkillMeasure) -> pl.DataFrame:
@@ -143,6 +146,12 @@ def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: 
     return pl.concat(
         skill.table(entrant, skill.runs_of(frame, how), marks, how.unit) for entrant, frame in frames.items()
     )
+
+
+def _failed(marks: pl.DataFrame) -> dict[str, int]:
+    """From the MARKS of a test: how many runs of an entrant set no mark, of those that have any."""
+    unmarked = marks.filter(pl.col("measure").is_null())
+    return dict(unmarked.group_by("entrant", maintain_order=True).len().iter_rows())
 
 
 def _tables(run: Run, scored: Sequence[pl.DataFrame]) -> dict[str, pl.DataFrame]:

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
-from nathlon.results.words import AUTOMATIC
+from nathlon.results.words import AUTOMATIC, SHARE, measure_called
 from nathlon.selection.bounds import MOST_SHORTLISTED
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.sim.data_file import Name, Section
@@ -90,7 +90,8 @@ class Rule(Section):
         failures = ["barred from the ranking"] if row["barred"] else []
         for field, most in self.gates.model_dump(exclude_none=True).items():
             if row[field] is None or row[field] > most:
-                failures.append(f"{field} is {_number(row[field])}, at most {_number(most)}")
+                own, limit = (_number(value, field) for value in (row[field], most))
+                failures.append(f"{measure_called(field)}: {own}, at most {limit}")
         return failures
 
 
@@ -211,5 +212,7 @@ def _digest(table: pl.DataFrame) -> str:
     return hashlib.sha256(table.write_csv().encode()).hexdigest()
 
 
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3g}"
+def _number(value: float | None, field: str) -> str:
+    if value is None:
+        return "unknown"
+    return f"{100 * value:.3g} %" if field.endswith(SHARE) else f"{value:.3g}"

@@ -2,7 +2,7 @@
 
 import { count, number } from "../numbers.js";
 import { all, h } from "../race/element.js";
-import { nameOf, skillsOf, tests } from "./data.js";
+import { entrants, nameOf, skillsOf, summary, tests } from "./data.js";
 import { entrantLink, plain } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 
@@ -17,14 +17,6 @@ export const extent = (rows, of) => {
   const [low = 0, high = 0] = d3.extent(rows, of);
   return [low, high];
 };
-
-/**
- * A name in so many letters at most: how it begins and how it ends.
- * @param {string} name
- * @param {number} letters
- */
-export const shortened = (name, letters) =>
-  name.length <= letters ? name : `${name.slice(0, Math.ceil((letters - 1) / 2))}…${name.slice(-Math.floor((letters - 1) / 2))}`;
 
 /**
  * A function that draws bars of one column on a common axis from `origin`.
@@ -100,16 +92,26 @@ export function chart(title, draw) {
 }
 
 /**
- * How a chart that is drawn places values across, and back.
- * @param {{ scale: (name: "x") => import("@observablehq/plot").Scale | undefined }} plot
+ * How a chart that is drawn places values across or upwards, and back.
+ * @param {{ scale: (name: "x" | "y") => import("@observablehq/plot").Scale | undefined }} plot
+ * @param {"x" | "y"} [axis]
  */
-export const scaleOf = (plot) => /** @type {{ apply: (value: number) => number, invert: (x: number) => number }} */ (plot.scale("x"));
+export const scaleOf = (plot, axis = "x") => /** @type {{ apply: (value: number) => number, invert: (x: number) => number }} */ (plot.scale(axis));
 
 export const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
-// The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
-/** @param {{ measure: number, unit: string, runs: number }} skill */
-export const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
+/**
+ * The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
+ * @param {{ entrant: number, test: string, measure: number, unit: string, runs: number }} skill
+ */
+export const measuredAs = ({ entrant, test, measure, unit, runs }) => {
+  const mean = `mean mark ${number(measure, 3)} ${unit}`;
+  const scored = `mean over ${count(runs, "run")}, each scored by itself`;
+  const failed = summary.marks[test]?.failed; // runs of earlier versions did not keep it
+  if (!failed) return `${scored}; ${mean} of the runs that set one`;
+  const own = failed[entrants[entrant].entrant] ?? 0;
+  return own ? `${scored}; ${number(own)} of ${number(runs)} failed and have 0 points; ${mean} of the others` : `${scored}; ${mean}; none failed`;
+};
 
 // The points of some entrants in every test, as one line each.
 export const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
@@ -117,12 +119,12 @@ export const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamon
 export function profile(chosen) {
   const points = chosen.flatMap((index, line) =>
     tests.flatMap((test) => (skillsOf.get(index) ?? []).filter((one) => one.test === test))
-      .map((skill) => ({ ...skill, line, test: plain(skill.test), name: nameOf(index) })),
+      .map((skill) => ({ ...skill, line, test: plain(skill.test), name: nameOf(index), told: measuredAs(skill) })),
   );
   const shown = tests.map(plain);
   const figure = chart(null, (width) =>
     Plot.plot({
-      width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 20, marginBottom: 40,
+      width, height: 60 + 30 * shown.length, marginLeft: 16 + 7 * Math.max(...shown.map((test) => test.length)), marginRight: 20, marginTop: 20, marginBottom: 40,
       ariaLabel: "Points in every test",
       x: { label: "points", ...PLAIN_AXIS, grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
       y: { type: "point", domain: shown, label: null },
@@ -137,7 +139,7 @@ export function profile(chosen) {
             Plot.dot(own, { ...at, x: "points", fill: "var(--paper)", symbol: LINES[line][1], r: 4 }),
           ];
         }),
-        Plot.tip(points, Plot.pointer({ ...tip, x: "points", y: "test", title: (p) => `${p.name}\n${p.test}\n${number(p.points)} points (${number(p.points_low)} to ${number(p.points_high)})\n${measuredAs(p)}` })),
+        Plot.tip(points, Plot.pointer({ ...tip, x: "points", y: "test", title: (p) => `${p.name}\n${p.test}\n${number(p.points)} points (${number(p.points_low)} to ${number(p.points_high)})\n${p.told}` })),
       ],
     }),
   );

@@ -6,14 +6,14 @@ import { h } from "../race/element.js";
 import { barScale, chart, extent, PLAIN_AXIS, profile, tip } from "./charts.js";
 import { QUESTIONS } from "./committee.js";
 import {
-  batteryOf, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped, measured,
-  MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, skillsOf,
-  stageName, summary, tables, touches,
+  batteryOf, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, IN_MEETINGS, known, lapped, measured,
+  MEETINGS, met, nameOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, skillsOf,
+  stageName, summary, tables, touches, UNIT,
 } from "./data.js";
 import { chip, chips, empty, facts, gained, interval, link, missing, note, plain, raceHref, section, to } from "./dom.js";
 import { lapView } from "./lap.js";
 import { d3, Plot } from "./libraries.js";
-import { measuredIn, objectiveTitle } from "./pareto.js";
+import { objectivesTold } from "./pareto.js";
 import { dataTable, ownColumns } from "./table.js";
 
 const curves = groups(tables.curves, "checkpoints");
@@ -37,7 +37,7 @@ export function checkpoint([key]) {
     onCircuit && section("Racing line", lapView(index)),
     trained(card),
     skillsOf.has(index) && section("n-athlon", profile([index])),
-    met && rankingOf.has(index) && section("Matchups", ownMatchups(index)),
+    met && rankingOf.has(index) && section("Matchups", note(`${capital(IN_MEETINGS)}. ${UNIT}`), ownMatchups(index)),
     ballotsOn(card),
     lapped && section("Best laps", bestLaps(index)),
     section(capital(EPISODES), ownRaces(index)),
@@ -52,7 +52,7 @@ function wayThrough(index) {
   const between = (low, high, digits) => `${number(low, digits)} to ${number(high, digits)}`;
   return h("ol", { class: "funnel" },
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
-      objectivesOf(index).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)} ${measuredIn(row.objective)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
+      objectivesTold(index).map((told) => `${told}; `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
     box("n-athlon", "n-athlon", battery, [`rank ${rankText(battery)}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
     met && box("leaderboard", MEETINGS, ranking, [`rank ${rankText(ranking)}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
       touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));
@@ -93,8 +93,8 @@ function ownMatchups(index) {
     { key: "name", head: "Opponent", kind: "name", first: "ascending", value: (row) => nameOf(row.opponent), cell: (row) => link(to("matchup", [entrants[index].key, entrants[row.opponent].key]), nameOf(row.opponent)) },
     { key: "difference", head: `Points difference, ${EACH}`, value: (row) => row.difference, cell: (row) => [h("strong", {}, signed(row.difference)), " ", interval(row.difference_low, row.difference_high, 1)] },
     { key: "drawn", head: "", unseen: "Difference, drawn", kind: "drawn", cell: bars },
-    touches && { key: "contacts", head: "Contacts per km", value: (row) => row.contacts_per_km, cell: (row) => number(row.contacts_per_km, 2) },
-    { key: "units", head: "Units", value: (row) => row.pairs },
+    touches && { key: "contacts", head: "Contacts per km", title: `of its cars, ${IN_MEETINGS}`, value: (row) => row.contacts_per_km, cell: (row) => number(row.contacts_per_km, 2) },
+    { key: "units", head: "Units", title: UNIT, value: (row) => row.pairs },
   ], rows, { sort: "-difference", prefix: "matchups-", label: "Matchups" });
 }
 
@@ -118,7 +118,7 @@ function bestLaps(index) {
   if (!timed.length) return empty("It completed no flying lap.");
   const kinds = [...new Set(timed.map((car) => car.test))];
   return chart(null, (width) => Plot.plot({
-    width, height: 60 + 26 * kinds.length, marginLeft: width < 500 ? 126 : 150, marginBottom: 40, inset: 6, ariaLabel: "Best lap of every run",
+    width, height: 60 + 26 * kinds.length, marginLeft: 16 + 7 * Math.max(...kinds.map((kind) => kind.length)), marginBottom: 40, inset: 6, ariaLabel: "Best lap of every run",
     x: { label: "best lap of each run, and their median, s", ...PLAIN_AXIS, grid: true, nice: true }, y: { type: "point", domain: kinds, label: null },
     marks: [
       Plot.dot(timed, { x: "best_lap_s", y: "test", r: 3, fill: "var(--survivor)", fillOpacity: 0.35 }),

@@ -9,6 +9,9 @@ import { chip, empty, entrantLink, facts, note, scroll, section, time } from "./
 /** @type {Record<string, string>} */
 export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
 
+/** Where the figures come from that a question is answered by. */
+const FIGURES = { shortlist: "Figures: of the n-athlon.", selection: met ? `Figures: of the ${MEETINGS.toLowerCase()}.` : "Figures: of the n-athlon." };
+
 // What members are shown of a candidate, as far as the world measures it.
 /** @type {[string, (one: any) => string][]} */
 const SHOWN = /** @type {any[]} */ ([
@@ -43,6 +46,7 @@ function decisionView(decision) {
       ["State", state], ["Ballots", number(decision.ballots)], ["Seats", number(decision.seats)],
       ["Agreement", number(decision.agreement, 2), "1: all rankings are the same; −1: two rankings are opposite"],
     ]),
+    note(FIGURES[decision.question]),
     decision.standings.length ? scroll("Standings", h("table", { class: "standings" },
       h("thead", {}, h("tr", {}, ["Entrant", "Approved by", "Fit", "Favour, %", ...SHOWN.map(([head]) => head)].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
       h("tbody", {}, decision.standings.map((standing) => {

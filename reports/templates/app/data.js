@@ -162,6 +162,8 @@ export const EPISODE = summary.episode;
 export const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 export const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
 export const MEETINGS = "Round robin";
+export const IN_MEETINGS = `in the ${MEETINGS.toLowerCase()}`;
+export const UNIT = `A unit is the ${EPISODES} of one seed, in which all take turns on the ${onCircuit ? "places of the grid: in 4v4 a race and the same mirrored" : "seats"}.`;
 /** @type {Record<string, string>} */
 const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
 /** @param {string} stage */

@@ -1,9 +1,9 @@
 // Numbers and addresses, and elements that many views have.
 
 import { typed } from "../command.js";
-import { ABSENT, number } from "../numbers.js";
+import { ABSENT, count, number } from "../numbers.js";
 import { h } from "../race/element.js";
-import { candidates, entrants, nameOf, rankingOf, selection, sent } from "./data.js";
+import { candidates, entrants, nameOf, rankingOf, selection, sent, UNIT } from "./data.js";
 
 /** @typedef {import("../race/element.js").Child} Child */
 
@@ -60,6 +60,8 @@ export const entrantLink = (number) => link(to("checkpoint", [entrants[number].k
 export const raceHref = (race) => to("race", [race.key.slice(0, 12), String(race.race)]);
 /** @param {Child[]} text */
 export const note = (...text) => h("p", { class: "note" }, ...text);
+/** @param {number} many how many units, with what they are */
+export const units = (many) => h("abbr", { title: UNIT }, count(many, "unit"));
 /** @param {Child} text */
 export const empty = (text) => h("p", { class: "empty" }, text);
 /** @type {(title: Child, ...children: Child[]) => HTMLElement} */

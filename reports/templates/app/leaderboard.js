@@ -1,18 +1,18 @@
 // The meetings: points and contacts with their intervals, and two entrants side by side.
 
 import { rankText } from "../rank.js";
-import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
+import { ABSENT, capital, number, percent, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, profile } from "./charts.js";
 import {
-  batteryOf, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
-  rankingOf, skillsOf, summary, tables, tests, timed, touches,
+  batteryOf, blames, data, EACH, entrantByKey, entrants, EPISODES, IN_MEETINGS, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
+  rankingOf, skillsOf, summary, tables, tests, timed, touches, UNIT,
 } from "./data.js";
-import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to } from "./dom.js";
+import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to, units } from "./dom.js";
 import { limitColumn, limitNote } from "./lap.js";
 import { d3 } from "./libraries.js";
 import { asked } from "./n_athlon.js";
-import { measuredIn, objectiveTitle, objectiveUnit, objectiveValue } from "./pareto.js";
+import { measuredIn, objectiveDigits, objectiveTitle, objectiveUnit, objectiveValue } from "./pareto.js";
 import { dataTable, entrantColumn, rankColumn, RANKS } from "./table.js";
 
 /** @typedef {import("./data.js").Figure} Figure */
@@ -33,7 +33,7 @@ export function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better. Drawn points begin at the mean of all${touches ? ", contacts at 0" : ""}.${limitNote()}`),
+    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better. Drawn points begin at the mean of all${touches ? ", contacts at 0" : ""}.${met ? ` Points${touches ? " and contacts" : ""}: ${IN_MEETINGS}.` : ""}${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -71,7 +71,7 @@ function strategies() {
     h("a", { href: to("checkpoint", [entrants[row.entrant].key]) }, row.points === best ? h("strong", {}, number(row.points, 2)) : number(row.points, 2)), " ",
     h("span", { class: "interval" }, row.points_low === null ? "" : `${number(row.points_low, 2)} to ${number(row.points_high, 2)}`));
   return section("Policies and strategies",
-    note(`Mean points ${EACH} played of every policy with every strategy, with intervals over ${number(both[0].units)} units; bold: the most. Effects: what a policy, or a strategy, adds to the mean of all.`),
+    note(`Mean points ${EACH} played of every policy with every strategy, with intervals over ${number(both[0].units)} units; bold: the most. Effects: what a policy, or a strategy, adds to the mean of all. ${UNIT}`),
     scroll("Policies and strategies", h("table", { id: "strategies" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Policy"), plans.map((row) => h("th", { scope: "col", class: "number" }, row.strategy)), h("th", { scope: "col", class: "number" }, "Effect of the policy"))),
       h("tbody", {},
@@ -143,14 +143,14 @@ export function compare([first, second]) {
       ...tests.map((test) => ({ label: plain(test), title: asked(test), two: skill(test), goal: "max", apart: true })),
     ]],
     ["Pareto filter", objectives.map((name) => ({
-      label: `${objectiveTitle(name)} ${measuredIn(name)}`, goal: objectiveUnit(name).goal,
-      two: numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 })),
+      label: `${objectiveTitle(name)}, ${measuredIn(name)}`, goal: objectiveUnit(name).goal,
+      two: numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: objectiveDigits(name) })),
     }))],
   ];
   return [
     h("h1", {}, `${two[0].name} and ${two[1].name}`),
     both
-      ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. `, link(to("matchup", [first, second]), `Their ${EPISODES}`))
+      ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in `, units(both.pairs), ". ", link(to("matchup", [first, second]), `Their ${EPISODES}`))
       : note(`They did not meet in the ${MEETINGS.toLowerCase()}.`),
     scroll("Side by side", h("table", { class: "sides" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))),
@@ -158,7 +158,7 @@ export function compare([first, second]) {
       groups.map(([stage, rows]) => h("tbody", {},
         stage && h("tr", {}, h("th", { scope: "rowgroup", class: "name stage", colspan: 5 }, stage)),
         rows.filter((row) => row !== false).map((row) => sideBySide(row, two.map((one) => one.name))))))),
-    note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none. Differences are of figures that are not rounded; the points ${EACH} in the table are of all opponents, not of these two alone.`),
+    note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none. Differences are of figures that are not rounded; the points ${EACH} in the table are of all opponents, not of these two alone. ${both ? UNIT : ""}`),
     numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
   ];
 }

@@ -3,8 +3,8 @@
 import { ABSENT, capital, count, number, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { BOTH, shade, shadeKey } from "./charts.js";
-import { blames, carsOf, EACH, entrantByKey, entrants, EPISODE, EPISODES, nameOf, POINT_DIGITS, racesOf, sum, tables, touches } from "./data.js";
-import { choose, empty, entrantLink, here, link, missing, note, raceHref, scroll, to } from "./dom.js";
+import { blames, carsOf, EACH, entrantByKey, entrants, EPISODE, EPISODES, IN_MEETINGS, nameOf, POINT_DIGITS, racesOf, sum, tables, touches, UNIT } from "./data.js";
+import { choose, empty, entrantLink, here, link, missing, note, raceHref, scroll, to, units } from "./dom.js";
 import { d3 } from "./libraries.js";
 import { dataTable } from "./table.js";
 
@@ -29,8 +29,8 @@ export function matchups() {
     title,
     touches && h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
     contacts
-      ? note("Contacts per km of the row's cars when racing the column.", shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
-      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. Ranks rest on all opponents, and are corrected for the number of comparisons, so they may tell two apart that no cell does. A click opens the ${EPISODES}.`, shadeKey(BOTH, signed(-largest), signed(largest))),
+      ? note(`Contacts per km of the row's cars when racing the column, ${IN_MEETINGS}.`, shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
+      : note(`Points ${EACH} ${IN_MEETINGS}, row minus column. Bold: the interval excludes zero. Ranks rest on all opponents, and are corrected for the number of comparisons, so they may tell two apart that no cell does. A click opens the ${EPISODES}. ${UNIT}`, shadeKey(BOTH, signed(-largest), signed(largest))),
     scroll("Matchups", h("table", { class: "matrix", id: "matchups" },
       h("thead", {}, h("tr", {}, h("td"), order.map((index) => h("th", { scope: "col" }, h("span", { title: nameOf(index) }, nameOf(index)))))),
       h("tbody", {}, order.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row)),
@@ -55,7 +55,8 @@ export function matchup([first, second]) {
   });
   return [
     h("h1", {}, `${two[0].name} against ${two[1].name}`),
-    both && h("p", { class: "why" }, `${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. ${touches ? `Contacts per km: ${number(both.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. ` : ""}`, link(to("compare", [first, second]), "Side by side")),
+    both && h("p", { class: "why" }, `${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in `, units(both.pairs), `. ${touches ? `Contacts per km there: ${number(both.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. ` : ""}`, link(to("compare", [first, second]), "Side by side")),
+    both && note(`${capital(IN_MEETINGS)}. ${UNIT}`),
     theirs.length ? dataTable("races", [
       { key: "race", head: capital(EPISODE), kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
       { key: "seed", head: "Seed", value: (row) => row.seed },

@@ -1,9 +1,9 @@
 // Charts of a recorded race by distance, with a line where the player stands.
 
 import { startNumber } from "../race/recording.js";
-import { clock, number } from "../numbers.js";
+import { clock, number, shortened } from "../numbers.js";
 import { h } from "../race/element.js";
-import { chart, LINES, PLAIN_AXIS, scaleOf, shortened, tip } from "./charts.js";
+import { chart, LINES, PLAIN_AXIS, scaleOf, tip } from "./charts.js";
 import { groups } from "./data.js";
 import { empty, here, keep, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
@@ -78,22 +78,25 @@ export function raceCharts(player, cars) {
   const lines = (y) => Plot.line(rows, { x: "lap", y, z: "car", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8, strokeLinejoin: "round" });
   const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the leader\n${clock(row.time)} after the start`;
   const pointed = (y) => Plot.tip(rows, Plot.pointer({ ...tip, x: "lap", y, title: about }));
-  const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? startNumber(row.car) : shortened(race.cars[row.car].name, 24));
+  const out = new Set(cars.filter((one) => one.ending !== "finished").map((one) => one.slot - 1));
+  const short = ({ car }) => `${startNumber(car)}${out.has(car) ? " out" : ""}`;
+  const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? short(row) : shortened(race.cars[row.car].name, 24));
+  const halo = { fill: "currentColor", stroke: "var(--paper)", strokeWidth: 3 };
   const height = Math.max(270, 46 + 14 * recording.cars); // for names below each other
   return h("div", { class: "charts" },
     playedChart(player, "Places", (width) => Plot.plot({
-      width, height, marginRight: width < 500 ? 24 : 158, marginLeft: 34, marginBottom: 38, ariaLabel: "Place of every car along the race",
+      width, height, marginRight: width < 500 ? 44 : 158, marginLeft: 34, marginBottom: 38, ariaLabel: "Place of every car along the race",
       x: along, y: { domain: [recording.cars + 0.4, 0.6], ticks: d3.range(1, recording.cars + 1), tickFormat: "d", label: null, tickSize: 0 },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("place"),
-        Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, fill: "currentColor" }), stopped("place"), pointed("place")],
+        Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, ...halo }), stopped("place"), pointed("place")],
     }), place, when),
     playedChart(player, "Gap to the leader, s", (width) => Plot.plot({
-      width, height, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the leader along the race",
+      width, height, marginRight: 44, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the leader along the race",
       x: along, y: { domain: [d3.max(rows, ({ gap }) => gap) || 1, 0], label: null, grid: true },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("gap"),
-        Plot.text(last, { x: "lap", y: "gap", text: (row) => startNumber(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), stopped("gap"), pointed("gap")],
+        Plot.text(last, { x: "lap", y: "gap", text: short, textAnchor: "start", dx: 5, ...halo }), stopped("gap"), pointed("gap")],
     }), place, when),
-    stops.length > 0 && note("Circles: stops."));
+    note("Numbers at the lines are start numbers, as in the order.", out.size > 0 && " Out: did not finish.", stops.length > 0 && " Circles: stops."));
 }
 
 // Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.

@@ -1,8 +1,8 @@
 // What the cars of a race drove on which tyres, and what their stops took.
 
-import { number } from "../numbers.js";
+import { number, shortened } from "../numbers.js";
 import { startNumber } from "../race/recording.js";
-import { chart, PLAIN_AXIS, shortened, tip } from "./charts.js";
+import { chart, PLAIN_AXIS, tip } from "./charts.js";
 import { nameOf } from "./data.js";
 import { d3, Plot } from "./libraries.js";
 

@@ -7,12 +7,14 @@ import { ballotForm, candidatesOf, comparisonForm, reopenForm } from "./ballot.j
 import { absent, chip, elsewhere, empty, fileOf, head, list, note, percent, scroll, when } from "./figures.js";
 
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
+/** Where the figures come from that a question is answered by. */
+const FIGURES = { shortlist: "Figures: of the n-athlon.", selection: "Figures: of the round robin." };
 /** @type {[string, (one: any) => import("../race/element.js").Child][]} */
 const EVIDENCE = [
   ["Rank", rankText],
   ["Points", (one) => [number(one.points, 1), absent(one.low) ? null : h("small", {}, `${number(one.low, 1)} to ${number(one.high, 1)}`)]],
-  ["Contacts a km", (one) => number(one.contacts_per_km, 2)],
-  ["At fault a km", (one) => number(one.at_fault_per_km, 2)],
+  ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
+  ["At fault per km", (one) => number(one.at_fault_per_km, 2)],
   ["Off course", (one) => percent(one.off_course_share, 1)],
   ["Faults", (one) => number(one.faults)],
 ];
@@ -38,7 +40,7 @@ export function questionView(first, you, longest, say) {
       ? [count(decision.seats, "seat"), decision.waits_for ? `waits for ${count(decision.waits_for, "more member")}` : "can be decided"].join(" · ")
       : `${count(decision.seats, "seat")} · decided. A run that has waited for it goes on with the command that began it.`);
     people.replaceChildren(...(decision.members.length ? [] : [h("li", {}, "Nobody but its rules.")]), ...decision.members.map((member) => h("li", {}, member, spoke.has(member) ? chip("good", "has voted") : chip("", "not yet"))));
-    standings.replaceChildren(standingsTable(decision));
+    standings.replaceChildren(note(FIGURES[decision.question]), standingsTable(decision));
     closing.hidden = !decision.open || !member;
     close.disabled = decision.waits_for > 0;
     waits.textContent = decision.waits_for ? `${count(decision.quorum, "member")} must have voted.` : "Closes the question by what has been said.";

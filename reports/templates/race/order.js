@@ -3,16 +3,18 @@
 import { ABSENT, number } from "../numbers.js";
 import { h } from "./element.js";
 
+const ENDING = 10; // letters of a name that stay where there is no room for all: names of a run differ in their ends
+
 /** @param {import("./player.js").Player} player */
 export function orderTable(player) {
   const { recording, state } = player;
   const { race, samples, time } = recording;
   const rows = race.cars.map(() => {
     const square = h("svg:rect", { width: 10, height: 10 });
-    const text = document.createTextNode("");
-    const button = h("button", { type: "button", onclick: () => player.follow(shown.car) }, h("svg:svg", {}, square), text);
+    const [begins, ends] = [h("span", {}), h("span", {})];
+    const button = h("button", { type: "button", onclick: () => player.follow(shown.car) }, h("svg:svg", {}, square), begins, ends);
     const [place, gap, speed] = [h("td"), h("td"), h("td")];
-    const shown = { car: 0, square, text, button, place, gap, speed, row: h("tr", {}, place, h("td", {}, button), gap, speed) };
+    const shown = { car: 0, square, begins, ends, button, place, gap, speed, row: h("tr", {}, place, h("td", {}, button), gap, speed) };
     return shown;
   });
 
@@ -25,7 +27,9 @@ export function orderTable(player) {
       shown.car = car;
       shown.place.textContent = String(i + 1);
       shown.square.setAttribute("fill", race.cars[car].colour);
-      shown.text.data = shown.button.title = race.cars[car].name;
+      const { name } = race.cars[car];
+      shown.button.title = shown.button.ariaLabel = name;
+      [shown.begins.textContent, shown.ends.textContent] = [name.slice(0, -ENDING), name.slice(-ENDING)];
       const penalty = samples.penalty[car][tick];
       const driving = recording.drives(car, tick);
       const behind = i ? `+${recording.gap(car, order[0], tick).toFixed(1)}` : `lap ${samples.lap[car][tick] + 1}`;

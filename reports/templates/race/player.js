@@ -1,6 +1,6 @@
 // The player: a race from above, with what makes it go.
 
-import { clock } from "../numbers.js";
+import { clock, shortened } from "../numbers.js";
 import { nearContact, SLOW } from "./battle.js";
 import { h } from "./element.js";
 import { ALARM, NEWS_S, QUIET, raceScene } from "./scene.js";
@@ -16,6 +16,7 @@ import { watching } from "./watching.js";
  * @typedef {ReturnType<typeof racePlayer>} Player
  */
 
+const FOLLOWED = 30; // letters of a name in the menu
 const RATES = { 0.25: "¼×", 0.5: "½×", 1: "1×", 2: "2×", 4: "4×", 8: "8×" };
 
 /**
@@ -63,13 +64,13 @@ export function racePlayer(recording, { followed = -1, now = 0, scrolls = false,
   const rate = h("select", { id: "rate", onchange: () => (state.rate = Number(rate.value)) },
     Object.entries(RATES).sort().map(([value, name]) => h("option", { value, selected: value === "1" }, name)));
   const choice = h("select", { id: "follow", onchange: () => follow(Number(choice.value)) },
-    h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car }, name)));
+    h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car, title: name }, shortened(name, FOLLOWED))));
   const node = h("div", { class: "player" });
   const watched = watching(stages, state, node, refresh);
   node.append(
     beside ? h("div", { class: "stages" }, stages.map((stage) => stage.node)) : stages[0].node,
     h("div", { class: "transport" }, button, shownTime, h("span", { class: "timeline" }, marks, scrub),
-      h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice), watched.controls));
+      h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice), watched.controls, zonesKey(recording)));
 
   function show() {
     scrub.value = String(state.now);
@@ -101,11 +102,17 @@ export function racePlayer(recording, { followed = -1, now = 0, scrolls = false,
   }
 
   /** @param {number} car */
+  function choose(car) {
+    choice.value = String(car);
+    choice.title = race.cars[car]?.name ?? "";
+  }
+
+  /** @param {number} car */
   function follow(car) {
     state.followed = car;
     state.zoom = 1;
     state.moved = null;
-    choice.value = String(car);
+    choose(car);
     refresh();
   }
 
@@ -188,10 +195,18 @@ export function racePlayer(recording, { followed = -1, now = 0, scrolls = false,
     keys[name](event);
   }
 
-  choice.value = String(followed);
+  choose(followed);
   seek(now);
   return { node, scene, state, recording, end, on: watchers, seek, follow, play, key };
 }
+
+/**
+ * What the coloured stretches of the road are, on a circuit that has them.
+ * @param {Recording} recording
+ */
+const zonesKey = ({ ground }) => ground[2].some(Boolean) && h("span", {
+  class: "zones", title: "Where penalties are served: a car that has one is slowed down here until its seconds are over.",
+}, "penalty zone");
 
 // The keys that `key` knows, to be shown beside a player.
 const KEYS = [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit, wheel zooms", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"];
