@@ -45,6 +45,7 @@ class Pool(Executor):
     Attributes:
         workers: how many processes there are at most.
         log: what policies have printed in them.
+        here: whether everything runs in this process; see `nathlon.arena.workers.need_worker`.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class Pool(Executor):
         match_s: float = MATCH_S,
     ) -> None:
         """A pool without processes yet; see `Watch` for the times."""
-        self.workers = workers
+        self.workers, self.here = workers, False
         self.log = new_output_log()
         self._times = answer_s, first_answer_s, match_s
         self._look_s = min(LOOK_S, answer_s / LOOKS, first_answer_s / LOOKS)
@@ -126,10 +127,10 @@ class Pool(Executor):
             while True:
                 idle = self.workers - self._busy
                 for jobs in feed(idle) if idle and not queue else ():
-                    here = [job for job in jobs if _lives_here(job)]
+                    here = [job for job in jobs if self._runs_here(job)]
                     for number, answer in do(here, Watch()):
                         yield [(here[number], answer)]
-                    if elsewhere := [job for job in jobs if not _lives_here(job)]:
+                    if elsewhere := [job for job in jobs if not self._runs_here(job)]:
                         queue.append(elsewhere)
                 # A worker that ends its matches is given others before these results are dealt with.
                 self._hand_out(queue)
@@ -142,6 +143,10 @@ class Pool(Executor):
             for worker in [worker for worker, jobs in self._processes.items() if jobs]:
                 worker.kill()
                 del self._processes[worker]
+
+    def _runs_here(self, job: Job) -> bool:
+        """In this process; also where a policy takes part that no other has."""
+        return self.here or any(source.partition(":")[0] == OBJECT for source in job.sources)
 
     @property
     def _busy(self) -> int:
@@ -192,11 +197,6 @@ class Pool(Executor):
                     groups, given_up = again(jobs, loss)
                     queue.extend(groups)
                     yield from given_up
-
-
-def _lives_here(job: Job) -> bool:
-    """Whether a policy takes part that only this process has."""
-    return any(source.partition(":")[0] == OBJECT for source in job.sources)
 
 
 def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match, pl.DataFrame]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache
 from multiprocessing import current_process, forkserver, get_all_start_methods, get_context
@@ -16,6 +16,7 @@ from nathlon.arena.watch import TOLD, Patience, Watch
 from nathlon.policies.hosting.incoming import UnreadableError
 from nathlon.policies.hosting.spawned import Spawned, starting_processes
 from nathlon.policies.isolation import CLOSED
+from nathlon.policies.sources import DRIVER
 from nathlon.sim.scratch import scratch_folder
 
 NO_MEMORY = 71
@@ -28,6 +29,11 @@ _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_method
 _CONTEXT.set_forkserver_preload(["nathlon.policies.preloaded", "nathlon.arena.serving"])
 LONGEST_FOLDER = 80
 """Letters in the path of a folder for sockets: those of a socket are limited."""
+
+
+def need_worker(sources: Iterable[str]) -> bool:
+    """Whether matches of these policies need a process of their own: built-in drivers can harm none."""
+    return any(source.partition(":")[0] != DRIVER for source in sources)
 
 
 def start_server() -> None:

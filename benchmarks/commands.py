@@ -7,10 +7,10 @@ both then meet a machine that is equally busy.
 - `first race`: two drivers for 25 s of the Lindenring in a new process.
 - `worker start`: from asking a new pool for a process, whose fork server is up, until all kernels are loaded
   there; processor time of that process.
-- `train, first update`: a run of one update, from the start of the command to its end.
+- `train, first update`: a run of one update, which is not compiled, from the start of the command to its end.
 
 All others are from start to end of a command. Processor time is that of all processes that a command starts.
-Caches, of kernels and of compiled updates, are warm.
+The cache of kernels is warm.
 
 Figures: by command the medians of seconds `wall_s` and `processor_s`; beside another checkout also its own,
 `beside`, and `ratio`, the median of this one's to its, by pair.

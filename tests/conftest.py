@@ -45,15 +45,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("takes_long") is None)
 
 
-@pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
-    """Updates of QR-SAC as they are written: compiling one for each test takes longer than all of it."""
-    from tests.support.trainings import as_written  # imports torch, and most modules do without
-
-    with as_written():
-        yield
-
-
 @pytest.fixture
 def pool() -> Iterator[Pool]:
     """A pool of one process, which sees what the test has put on the path."""

@@ -17,6 +17,7 @@ from nathlon.arena.qualifying import qualify as drive_qualifying
 from nathlon.arena.recording import write_recording
 from nathlon.arena.single_race import single_race
 from nathlon.arena.stints import read
+from nathlon.arena.workers import need_worker
 from nathlon.arena.world_finding import RACING, with_loader
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
@@ -110,6 +111,7 @@ def race(
     with Pool(1) as pool:
         world = RACING if loader is None else with_loader(RACING, loader)
         sources = named_sources(entrants, people=True, endings=endings_of(pool, world))
+        pool.here = not need_worker(sources)
         entered = enter_all(pool, sources, circuit, car, world)
         timed = drive_qualifying(pool, entered, seed) if qualify else None
         if timed is not None:

@@ -38,13 +38,14 @@ def race(
 
     What policies print goes to standard error.
     """
-    from nathlon.arena.workers import start_server
+    from nathlon.arena.workers import need_worker, start_server
     from nathlon.sim.data_file import DATA, find_data
 
     check_given(entrants)
     for kind, name in (("circuit", circuit), ("car", car)):
         find_data(name, kind, DATA / f"{kind}s")
-    start_server()
+    if need_worker(entrants):
+        start_server()
     import nathlon
     from nathlon.arena.stints import read
     from nathlon.sim.scenario import load_scenario

@@ -42,6 +42,8 @@ from nathlon.sim.whole_file import writing
 
 ACTION_SIZE = 2
 LOG_EVERY = 250
+WORTH_COMPILING = 1_000
+"""Updates of a run from which on compiling them takes less time than it saves."""
 
 
 Device = Literal["cpu", "cuda"]
@@ -79,6 +81,7 @@ class Trainer:
             ACTION_SIZE,
             config.qrsac,
             generator,
+            compiled=config.updates >= WORTH_COMPILING,
             updates=config.updates,
             facts=told.facts,
             recurrent=None if config.vision is None else seeing_network(self._card()),

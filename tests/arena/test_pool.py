@@ -27,7 +27,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
 from nathlon.arena.serving import _fall_silent
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
-from nathlon.arena.workers import Worker, new_output_log
+from nathlon.arena.workers import Worker, need_worker, new_output_log
 from nathlon.selection.trials import against
 from nathlon.sim.scratch import scratch_folder
 from nathlon.sim.track import load_track
@@ -112,6 +112,21 @@ def test_drivers_answer_for_a_car_whatever_cars_are_beside_it() -> None:
             some, kept = policy.act(seen[rows], memory[rows])
             assert some.tobytes() == actions[rows].tobytes()
             assert kept.tobytes() == remembered[rows].tobytes()
+
+
+def test_a_race_of_built_in_drivers_needs_no_other_process() -> None:
+    match = duels("slipstream_pass")[2]
+    assert not need_worker(match.sources)
+    with Pool(1) as pool:
+        pool.here = True
+        [(_, results)] = pool.run([match])
+        assert not active_children()
+    assert results.equals(alone([match])[match.key])
+
+
+@pytest.mark.parametrize("other", [str(BUNDLED[0]), "generalist", "plugin:mine", "object:mine"])
+def test_a_race_of_others_does(other: str) -> None:
+    assert need_worker(["driver", other])
 
 
 def test_a_pool_keeps_its_processes_and_its_results(mixed_rates: str) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from nathlon.arena.classification import BLANK, classify
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.results import RESULTS
 from nathlon.arena.runner import run_match
@@ -116,6 +117,14 @@ def test_a_faulty_policy_loses_and_the_others_go_on(spoil: str, ending: str) -> 
     assert faulty["driven_s"] == pytest.approx(2.0, abs=0.11)
     assert other["ending"] == "finished"
     assert other["place"] == 1
+
+
+def test_whom_its_own_policy_let_down_is_last_however_far_it_came() -> None:
+    cars = np.full((1, 3), BLANK)
+    cars["progress"], cars["finish_s"] = [[900.0, 500.0, 100.0]], [[np.nan, np.nan, 12.0]]
+    endings = np.array([["policy_raised", "stuck", "finished"]])
+    results = classify(sprint(DRIVER, SLOW, seats=(0, 1, 1)), cars, endings, np.zeros((1, 3)))
+    assert results["place"].to_list() == [3, 2, 1]
 
 
 def test_a_nan_ends_only_the_car_that_it_was_meant_for() -> None:

@@ -66,6 +66,8 @@ def test_the_command_says_what_it_has_removed(target: str, tmp_path_factory: pyt
     folder = tmp_path_factory.mktemp("commands")
     with Store(target) as store:
         fill(store, target)
+    kept = nathlon("store", "clean", target, "--days", "11", "--json", cwd=folder)
+    assert json.loads(kept.stdout)["removed"] == 0
     done = nathlon("store", "clean", target, "--days", "9", "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

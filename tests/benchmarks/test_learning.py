@@ -15,8 +15,6 @@ from nathlon.policies.training.log import CURVE, CURVE_FILE
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
 
-pytestmark = pytest.mark.usefixtures("uncompiled")
-
 TINY = TrainingConfig.model_validate(
     {
         "circuit": "lindenring",

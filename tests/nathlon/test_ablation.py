@@ -27,7 +27,7 @@ from nathlon.sim.errors import InputError
 from tests.support.command_line import nathlon, refused
 from tests.support.trainings import CHECKPOINTS, TOML
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = pytest.mark.takes_long
 
 CHOSEN = ("no-quantiles", "no-course-points")
 SEEDS = 2

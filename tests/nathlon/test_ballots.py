@@ -38,6 +38,7 @@ def test_a_ballot_puts_approved_before_others_and_ranked_before_unranked() -> No
     sequence = ["c", "b", "a", "d", "e"]
     place = [sequence.index(candidate) for candidate in ABCDE]
     assert (stated == np.sign(np.subtract.outer(place, place).T)).all()
+    assert Ballot(("a",), ("b",)).preferences("ab").tolist() == [[0, 1], [-1, 0]]
     assert not Ballot(tuple(ABCDE), ()).preferences(ABCDE).any()
     assert not Ballot((), ()).preferences(ABCDE).any()
 

@@ -75,7 +75,6 @@ def test_an_export(tmp_path: Path) -> None:
     assert said("export", BUNDLED[0], "--onnx", "x.onnx", cwd=tmp_path) == {"onnx": "x.onnx"}
 
 
-@pytest.mark.usefixtures("uncompiled")
 def test_a_training_and_an_ablation(tmp_path: Path) -> None:
     (tmp_path / "small.toml").write_text(TOML)
     trained = said("train", "small.toml", "--out", "run", cwd=tmp_path)

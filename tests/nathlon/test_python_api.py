@@ -21,7 +21,7 @@ PAGE = Path(__file__).parent.parent.parent / "docs" / "python.md"
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory, uncompiled: None) -> dict[str, Any]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the page's blocks leave, run one after the other as in a notebook."""
     folder = tmp_path_factory.mktemp("notebook")
     (folder / "quick.toml").write_text(TOML)

@@ -38,7 +38,6 @@ from tests.support.reward_designs import STARTS, TASK, filmed, settings
 from tests.support.scripted_model import Model, answer, raw_model
 from tests.support.trainings import TOML
 
-pytestmark = pytest.mark.usefixtures("uncompiled")
 STEPS_KEPT = (
     "library/preferences.json",
     "round-1/candidates.json",
@@ -87,7 +86,7 @@ def run(made: Design, stop: str = "never") -> Design:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory, films: Path, uncompiled: None) -> Design:
+def whole(tmp_path_factory: pytest.TempPathFactory, films: Path) -> Design:
     """A design that came to its end at once."""
     return run(design(tmp_path_factory.mktemp("whole"), films))
 

@@ -252,7 +252,6 @@ def test_an_environment_survives_its_opponent() -> None:
         env.step(np.zeros(2, np.float32))
 
 
-@pytest.mark.usefixtures("uncompiled")
 def test_training_says_whose_fault_it_is(tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(TOML.replace('opponents = ["driver"]', 'opponents = ["plugin:exits"]'))

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from nathlon.policies.training.coached import (
     EACH,
@@ -114,6 +113,3 @@ def test_a_run_keeps_what_the_coach_has_found(tmp_path: Path) -> None:
         command("train", "many.toml", "--out", "other", "--coach", found, cwd=tmp_path),
         "no rollouts of the configuration have one car",
     )
-
-
-pytestmark = pytest.mark.usefixtures("uncompiled")

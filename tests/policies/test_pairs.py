@@ -26,7 +26,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = pytest.mark.takes_long
 
 CONFIG = TrainingConfig.model_validate(
     {

@@ -21,7 +21,10 @@ import torch
 from nathlon.policies.checkpoint import SeeingPolicy, load_checkpoint, open_checkpoint, save_checkpoint
 from nathlon.policies.hosting.spawned import Spawned
 from nathlon.policies.policy import StatelessPolicy
+from nathlon.policies.qrsac import learner
+from nathlon.policies.qrsac.captured import Run
 from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.qrsac.update import Update
 from nathlon.policies.replay_buffer.passages import PassageBatch
 from nathlon.policies.replay_buffer.table import NStepReplay
 from nathlon.policies.replay_buffer.tables import ReplayTables
@@ -34,14 +37,14 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.run_folder import make_run_folder
 from nathlon.policies.training.state import RunState, load_state, save_state
-from nathlon.policies.training.trainer import Trainer
+from nathlon.policies.training.trainer import WORTH_COMPILING, Trainer
 from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import ProcessWorkers, Take
 from nathlon.sim.clock import AGENT_DT
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = pytest.mark.takes_long
 
 PAIR = Pair("lindenring", "gt3")
 SMALL = TrainingConfig.model_validate(
@@ -90,6 +93,19 @@ def assert_is_whole(run: Path) -> None:
     rows = list(csv.DictReader((run / CURVE_FILE).open()))
     assert [int(row["updates"]) for row in rows] == [4, 8]
     assert list((run / "tensorboard").glob("events*"))
+
+
+def test_updates_are_compiled_in_long_runs_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[Update] = []
+
+    def note(update: Update) -> Run:
+        compiled.append(update)
+        return update.in_place
+
+    monkeypatch.setattr(learner, "_compiled", note)
+    for updates, expected in ((WORTH_COMPILING - 1, 0), (WORTH_COMPILING, 1)):
+        Trainer(tmp_path, changed(updates=updates), 1)
+        assert len(compiled) == expected
 
 
 def test_updates_in_a_row_are_those_made_one_by_one(tmp_path: Path) -> None:

@@ -186,6 +186,7 @@ def test_rows_above_the_limit_are_counted(
     path = write_spreadsheet(both, tmp_path / "ranking.xlsx")
     races = _rows(path, "Races")
     assert [row["Stage"] for row in races] == ["round robin"] * 6
+    assert [row["Car"] for row in races] == (selection.results["car"].head(6) + 1).to_list(), "start numbers"
     run = {row["Fact"]: row["Value"] for row in _rows(path, "Run")}
     assert run["Rows left out of Races"] == both.results.height - 6
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nathlon.results.ranks import ABSENT, written_rank
 from nathlon.results.summary import VERSION, Summary, read_summary, write_summary
 from nathlon.sim.errors import InputError
 from tests.support.selections import build
@@ -43,3 +44,12 @@ def test_fields_of_later_versions_are_passed_over_and_later_formats_refused(tmp_
 
 def test_the_published_schema_is_that_of_the_model() -> None:
     assert json.loads(SCHEMA.read_text("utf-8")) == Summary.model_json_schema(mode="serialization")
+
+
+@pytest.mark.parametrize(
+    ("best", "worst", "text"), [(1, 3, "1 to 3"), (2, 2, "2"), (2, None, "from 2"), (None, None, ABSENT)]
+)
+def test_a_rank_is_written_as_the_range_of_those_that_are_possible(
+    best: int | None, worst: int | None, text: str
+) -> None:
+    assert written_rank(best, worst) == text

@@ -180,6 +180,14 @@ class TestGaps:
         # Its last line is that of 1600 m, 1601 m from its start.
         assert seen[2] == pytest.approx(1601.0 * (1 / 1.5 - 1 / 2.0) * DYNAMICS_DT, abs=1e-9)
 
+    def test_nor_has_one_that_the_leader_has_just_lapped(self) -> None:
+        cars = np.zeros(2, CAR_STATE)
+        cars["line"], cars["line_s"] = [2 * SECTORS + 1, SECTORS + 1], [[40.0, 20.0, 30.0], [35.0, 5.0, 15.0]]
+        assert np.isnan(gaps(cars)[1])
+        cars["line"][1] += 1
+        cars["line_s"][1, 1] = 41.0
+        assert gaps(cars).tolist() == [0.0, 21.0]
+
     def test_finishers_are_apart_by_their_times_though_the_later_stopped_further_on(self) -> None:
         first = timed([-0.1 + 1.0 * i for i in range(1200)], finish=LENGTH)
         second = timed([-3.0 + 1.4 * i for i in range(100)] + [136.0 + 0.9 * i for i in range(1200)], LENGTH)

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
-import pytest
-
-from nathlon.policies.qrsac import learner
 from nathlon.policies.training.config import TrainingConfig
 
 TOML = """
@@ -59,11 +53,3 @@ def polishing(*rollouts: dict, **more: object) -> TrainingConfig:
     return TrainingConfig.model_validate(
         {"circuit": "lindenring", "car": "gt3", "rollouts": rollouts, **dict.fromkeys(unused, 1), **more}
     )
-
-
-@contextmanager
-def as_written() -> Iterator[None]:
-    """Updates of QR-SAC are not compiled. PyTorch has a switch for that, but loads its compiler first."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learner, "_compiled", lambda update: update.in_place)
-        yield

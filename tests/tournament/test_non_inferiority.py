@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import stdtrit
 
 from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
@@ -104,6 +105,13 @@ def test_intervals_hold_at_all_looks_together() -> None:
         lows = [TEST.interval(Sample.of(differences[:n]))[0] for n in range(BLOCK, 65, BLOCK)]
         missed += any(low is not None and low > 0.2 for low in lows)
     assert missed / count <= 0.05 + 3 * sqrt(0.05 * 0.95 / count)
+
+
+def test_an_interval_at_the_only_look_is_student_s() -> None:
+    """Each bound is missed with probability alpha: together they are one of 90 %."""
+    half = float(stdtrit(15, 0.95)) * 2.0 / sqrt(16)
+    bounds = NonInferiority(margin=1.0).interval(Sample(16, 0.3, 2.0))
+    assert bounds == pytest.approx((0.3 - half, 0.3 + half))
 
 
 def test_too_few_units_say_nothing() -> None:

@@ -20,6 +20,8 @@ from nathlon.arena.statistics import (
     precision,
     spread,
     standard_error,
+    third_cumulants,
+    unskewed,
 )
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import Cells, Evidence, appearances
@@ -128,6 +130,15 @@ def test_p_values_are_those_of_students_t() -> None:
     assert p_values(np.array([x.mean()]), error, freedom)[0] == pytest.approx(ttest_1samp(x, 0.0).pvalue)
     assert p_values(np.array([1.0]), np.array([np.nan]), np.array([3.0])).tolist() == [1.0]
     assert p_values(np.array([0.0, 1.0]), np.zeros(2), np.full(2, 3.0)).tolist() == [1.0, 0.0]
+
+
+def test_t_is_centred_once_skewness_is_taken_out() -> None:
+    """Of means of a hundred numbers that are skewed: their own t lies too low by a tenth on average."""
+    units = np.random.default_rng(2).exponential(size=(4000, 100)) - 1.0
+    estimate, error = units.mean(axis=1), units.std(axis=1, ddof=1) / 10.0
+    third = third_cumulants(units.ravel(), np.full(4000, 100))
+    assert np.mean(estimate / error) < -0.09
+    assert abs(np.mean(unskewed(estimate, error, third) / error)) < 0.04
 
 
 def test_a_race_that_counts_double_weighs_double() -> None:

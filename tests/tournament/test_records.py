@@ -77,7 +77,9 @@ def test_who_has_failed_is_behind_whom_it_shares_points_with() -> None:
     results = duels({("a", "b"): [0.0, 0.0]}).with_columns(
         ending=pl.when(pl.col("entrant") == "b").then(pl.lit("policy_raised")).otherwise("ending")
     )
-    assert records(results, seeded())["won"].to_list() == [1.0, 0.0]
+    told = records(results, seeded())
+    assert told["won"].to_list() == [1.0, 0.0]
+    assert told["lost"].to_list() == [0.0, 1.0]
 
 
 def test_void_units_do_not_count_and_nobody_has_no_record() -> None:
