@@ -9,6 +9,7 @@ from nathlon.policies.driver import Follower
 from nathlon.policies.planning.mppi import Mppi
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources.composite import Composite
 from nathlon.sim.blue_flags import NOBODY
 from nathlon.sim.world import World
 
@@ -26,7 +27,8 @@ def decide(
     """What a policy does in a world; see `Policy.act`.
 
     Only nathlon's own planner is shown the world: a policy that is anybody's code could change it. The
-    built-in driver feels the grip where there is weather, and sees blue flags where any are shown.
+    built-in driver feels the grip where there is weather, sees blue flags where any are shown, and is told
+    its pace, as a part of a composite too.
 
     Args:
         policy: drives the cars.
@@ -36,11 +38,18 @@ def decide(
     """
     if isinstance(policy, Mppi):
         return policy.plan(Scene(world, races, cars), observations, memory)
+    if isinstance(policy, Composite):
+
+        def ask(part: Policy, seen: Batch, own: Batch) -> tuple[Batch, Batch]:
+            return decide(part, world, races, cars, seen, own)
+
+        return policy.act_by(ask, observations, memory)
     if isinstance(policy, Follower):
         flagged, own = world.state["flagged_for"][races, cars] != NOBODY, np.ones(len(cars))
-        if world.conditions.weather or flagged.any():
+        pace = world.state["pace"][races, cars]
+        if world.conditions.weather or flagged.any() or (pace != 1.0).any():
             felt = grips(world, races, cars) if world.conditions.weather else (own, own)
-            return policy.act_when_told(observations, memory, *felt, flagged)
+            return policy.act_when_told(observations, memory, *felt, flagged, pace)
     return policy.act(observations, memory)
 
 
