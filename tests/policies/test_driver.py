@@ -278,13 +278,13 @@ def test_the_driver_slows_down_on_its_line_for_a_blue_flag() -> None:
 
 
 def test_a_driver_that_is_told_a_pace_drives_as_one_with_that_pace() -> None:
-    world = World(TRACK, GT3, 1, 1)
+    world, none = World(TRACK, GT3, 1, 1), np.zeros(1, np.int64)
     world.reset(0, start_at([100.0], speed=60.0))
     told, slower = (load_policy(name, "lindenring", "gt3") for name in ("driver", "driver:pace=0.9"))
-    seen, none = world.observe(told.observation_spec, *np.zeros((2, 1), int)), told.initial_memory(1)
+    seen, memory = world.observe(told.observation_spec, none, none), told.initial_memory(1)
     world.ask_pace(0, 0, 0.9)
-    actions, _ = decide(told, world, *np.zeros((2, 1), int), seen, none)
-    assert actions[0, 0] == slower.act(seen, none)[0][0, 0] < told.act(seen, none)[0][0, 0]
+    actions, _ = decide(told, world, none, none, seen, memory)
+    assert actions[0, 0] == slower.act(seen, memory)[0][0, 0] < told.act(seen, memory)[0][0, 0]
 
 
 def test_each_row_of_a_batch_is_driven_alone() -> None:
