@@ -132,11 +132,16 @@ class PitWalls:
                 self._asked[race, car] = service.compound if service else None
 
     def _ask(self, one: Advised, start: bool = False) -> Service | None:
-        """What a strategist says, who may be a user's own code; nothing where it fails."""
+        """What a strategist, who may be a user's own code, has done to a car; nothing where it fails.
+
+        The pace is told to the car.
+        """
         wall = self._wall(one.race, one.car)
         self._watch.ask(one.match, one.entrant, start)
         try:
-            return one.strategist.start(wall) if start else one.strategist.decide(wall)
+            service = one.strategist.start(wall) if start else one.strategist.decide(wall)
+            self._world.ask_pace(one.race, one.car, one.strategist.pace(wall))
+            return service
         except StrategistError as error:
             log.warning("%s: its car is out", error)
             self._at_fault.append((one.race, one.car))
@@ -207,6 +212,7 @@ class PitWalls:
             stops=cars["stops"].copy(),
             pit=self._world.parameters.rules.pit,
             tank_kg=float(self._world.parameters_of(race, car).fuel_capacity),
+            penalty_s=cars["penalty_s"].copy(),
             film_mm=float(cars["film"][car]),
             rain_mm_h=self._world.rain_mm_h(race),
             forecast=self._forecast(race),

@@ -4,18 +4,19 @@
 [--policy NAME] [--out FOLDER]` has a policy practise (`nathlon stints`), the champion of each circuit if none
 is named, and then races its planner against plans without a stop and of one, two and three stops with even
 stints, each on the compound that the model likes best for it. What was practised is kept in the folder, for
-the next time. Figures by circuit:
+the next time. Circuits that FILE has and that are not raced anew are kept. Figures by circuit:
 
 - `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
   out;
 - `expected_s`: of the fixed plans, by the model;
 - `field`: mean place of planners and of the best fixed plan, ten cars each, by seed; every grid is also raced
-  the other way round.
+  the other way round;
+- `lap_wise`: mean place of the planners in as many races lap by lap (`LapRace`) as LAP_WISE, likewise.
 
 On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
 at most 0.3 % longer than the best fixed plan did; `places_gained` on the best fixed plan in the field;
-`model_error`, the mean share of race time by which the model errs on fixed plans; and `hours_a_minute`, hours
-of twenty cars' racing in a minute.
+`places_error`, by which the planners' mean place lap by lap is off; `model_error`, the mean share of race
+time by which the model errs on fixed plans; and `hours_a_minute`, hours of twenty cars' racing in a minute.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ import numpy as np
 import polars as pl
 
 import nathlon
-from benchmarks.result import write_result
+from benchmarks.result import read_result, write_result
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import champion
@@ -42,8 +43,9 @@ from nathlon.policies.environments.strategy_env import model_of
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources import is_path
 from nathlon.policies.stint_model import StintModel
+from nathlon.policies.stint_planner import StintPlanner
 from nathlon.policies.stint_search import SPARE_KG
-from nathlon.policies.strategy import Stint
+from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.scenario import load_scenario
@@ -53,6 +55,8 @@ CARS = {"lindenring": "gt3", "porto-sereno": "coupe", "grandes-landes": "prototy
 SCENARIO = "grand_prix_stops"
 STOPS = (0, 1, 2, 3)
 NEAR = 1.003
+LAP_WISE = 20
+"""Races lap by lap from each grid."""
 PLANNER = "planner"
 
 
@@ -74,6 +78,25 @@ def even(model: StintModel, laps: int, stops: int, tank_kg: float) -> tuple[Stin
         )
         for number, length in enumerate(lengths)
     )
+
+
+def lap_wise(model: StintModel, stints: Sequence[Stint], laps: int, tank_kg: float) -> float:
+    """Mean place of planners among as many cars with a plan, lap by lap; over both grids."""
+    scenario = load_scenario(SCENARIO)
+    pit, cars = rule_parameters(load_rules(scenario.rules)).pit, np.arange(scenario.cars)
+    both: list[Strategist] = [StintPlanner(model), StintPlan(stints)]
+    places = []
+    for seed in range(LAP_WISE):
+        for turn in range(2):
+            rng = np.random.default_rng(seed)
+            race = LapRace(model, laps, pit, tank_kg, [0.0] * len(cars), rng)
+            strategists = [both[number] for number in (cars + turn) % 2]
+            for car, strategist in enumerate(strategists):
+                race.fit(car, strategist.start(race.wall(car)))
+            for _ in range(laps):
+                race.drive([strategist.decide(race.wall(car)) for car, strategist in enumerate(strategists)])
+            places.append(1.0 + race.time_s.argsort().argsort()[turn::2].mean())
+    return fmean(places)
 
 
 def expected_s(model: StintModel, stints: Sequence[Stint], laps: int, tank_kg: float) -> float:
@@ -160,6 +183,7 @@ def measure(
     best = min(sources, key=lambda name: fmean(driven[name]))
     began = time.perf_counter()
     places = field(str(planner), sources[best], circuit, laps, in_field) if in_field else []
+    field_wall_s = time.perf_counter() - began
     return {
         "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
         "expected_s": {
@@ -167,13 +191,14 @@ def measure(
         },
         "best": best,
         "field": places,
-        "field_wall_s": round(time.perf_counter() - began, 1),
+        "lap_wise": round(lap_wise(model, fixed[best], laps, tank_kg), 2),
+        "field_wall_s": round(field_wall_s, 1),
     }
 
 
 def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
     """The figures over all circuits."""
-    near, errors, gained, hours, wall_s = [], [], [], 0.0, 0.0
+    near, errors, gained, off, hours, wall_s = [], [], [], [], 0.0, 0.0
     for one in circuits.values():
         taken = one["alone"]
         best = np.min([times for name, times in taken.items() if name != PLANNER], axis=0)
@@ -186,11 +211,14 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None
             if np.isfinite(s)
         ]
         gained += [race["fixed"] - race[PLANNER] for race in one["field"]]
+        if one["field"]:
+            off.append(abs(fmean(race[PLANNER] for race in one["field"]) - one["lap_wise"]))
         hours += sum(race["hours"] for race in one["field"])
         wall_s += one["field_wall_s"]
     return {
         "within_0.3_percent": round(fmean(near), 3),
         "places_gained": round(fmean(gained), 2) if gained else None,
+        "places_error": round(fmean(off), 2) if off else None,
         "model_error": round(fmean(errors), 5),
         "hours_a_minute": round(hours / (wall_s / 60.0), 2) if gained else None,
     }
@@ -209,18 +237,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     seeds = range(1, options.seeds + 1)
     in_field = seeds if options.field_seeds is None else range(1, options.field_seeds + 1)
-    circuits = {}
+    circuits: dict[str, Any] = read_result(options.json).figures["circuits"] if options.json.is_file() else {}
     for circuit in options.circuits.split(","):
         policy = options.policy or str(champion(circuit, CARS[circuit]))
         circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, options.out / circuit)
         print(circuit, json.dumps(circuits[circuit]), flush=True)
     told = summary(circuits)
-    known = {
-        "seeds": options.seeds,
-        "field_seeds": len(in_field),
-        "laps": options.laps,
-        "policy": options.policy or "the champion of each circuit",
-    }
+    known = {"laps": options.laps, "policy": options.policy or "the champion of each circuit"}
     write_result(options.json, known | {"circuits": circuits} | told)
     print(json.dumps(told))
 

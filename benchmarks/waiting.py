@@ -1,7 +1,7 @@
 """What champions lack of strategy in traffic: waiting for a penalty, and keeping a place on a straight.
 
-Run as `OPENBLAS_NUM_THREADS=1 python -m benchmarks.waiting --json FILE [--seeds N] [--races N]`, for the
-champion of each circuit.
+Run as `OPENBLAS_NUM_THREADS=1 python -m benchmarks.waiting --json FILE [--seeds N] [--races N] [--paced]`,
+for the champion of each circuit; with `--paced` for PACED on each, which takes a pace, and `behind` alone.
 
 `behind`: it starts 10 to 16 m behind the built-in driver, and both drive from the line through the first
 penalty zone, `seeds` times each
@@ -10,6 +10,9 @@ penalty zone, `seeds` times each
 - `penalised`: the car ahead has 5 s to serve, and will be slow in the zone;
 - `told`: likewise, and the champion is told to wait: a controller keeps it 12 m behind up to the zone. It
   stands in for the pace target of a strategist, which champions do not know.
+
+PACED follows the built-in driver at pace AHEAD, and is `told` a pace ten times a second that keeps it 12 m
+behind.
 
 Of each: the share of runs in which it tried to pass before the zone (its nose was beside the other car) and
 in which it did (by a length), contacts a run before the zone, and in all those that were its fault; the
@@ -37,9 +40,13 @@ from benchmarks.result import write_result
 from nathlon.policies.bundled import champions
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.driver import Driver
-from nathlon.policies.policy import Policy
+from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.planning import decide
+from nathlon.policies.policy import Policy, takes_pace
+from nathlon.policies.strategy import PACE
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
+from nathlon.sim.observation import PLANNED, ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import ZONE, Track, load_track
@@ -51,8 +58,16 @@ KEEP_M = 12.0
 """Tail to nose at which who is told to wait does."""
 EXIT_M = 130.0
 """Behind the end of a straight, in which a pass still belongs to it."""
+PACED = Path(__file__).parent / "ladders" / "generalist" / "generalist-racer-007k.safetensors"
+AHEAD = 0.9
+"""Pace of the car ahead of it: slow enough to be passed."""
+CLOSING = 0.3
+"""m/s by which who is told a pace is to be faster for each metre that it is too far behind."""
 SORTED_S = 10.0
 """So long a grid sorts itself out."""
+
+CHASES = {"free": (0.0, False), "penalised": (PENALTY_S, False), "told": (PENALTY_S, True)}
+"""Seconds that the car ahead has to serve, and whether the other one is told to wait."""
 
 NOTED = np.dtype(
     [
@@ -86,6 +101,7 @@ def driven(
     """Races of a scenario, the first car of each with a penalty, until nobody drives any more."""
     told, track = load_scenario(scenario), load_track(circuit)
     world = told.world(track, load_car(car), len(seeds))
+    show_plan(world, ObservationSpec(version=PLANNED))
     for race, seed in enumerate(seeds):
         world.reset(race, told.place(track, np.random.default_rng(seed)))
     world.state["penalty_s"][:, 0] = penalty_s
@@ -111,28 +127,39 @@ def driver_of(policy: Policy, cars: NDArray[np.int64], races: int) -> Actor:
 
     def act(world: World) -> NDArray[np.float32]:
         nonlocal memory
-        actions, memory = policy.act(world.observe(policy.observation_spec, rows, columns), memory)
+        seen = world.observe(policy.observation_spec, rows, columns)
+        actions, memory = decide(policy, world, rows, columns, seen, memory)
         return actions.reshape(races, len(cars), 2)
 
     return act
 
 
 def chase(
-    champion: Policy, circuit: str, car: str, seeds: Sequence[int], penalty_s: float, told: bool
+    chaser: Policy,
+    circuit: str,
+    car: str,
+    seeds: Sequence[int],
+    penalty_s: float = 0.0,
+    told: bool = False,
+    pace: float = 1.0,
 ) -> Trace:
-    """The champion behind the built-in driver."""
-    ahead = driver_of(Driver(circuit, car), np.array([0]), len(seeds))
-    behind = driver_of(champion, np.array([1]), len(seeds))
+    """A policy behind the built-in driver at a pace; if it takes a pace itself, it is told one to wait."""
+    ahead = driver_of(Driver(circuit, car, pace), np.array([0]), len(seeds))
+    behind = driver_of(chaser, np.array([1]), len(seeds))
     length_m, zone_m = load_car(car).body.length_m, first_zone_m(load_track(circuit))
 
     def act(world: World) -> NDArray[np.float32]:
+        first, second = world.state[:, 0], world.state[:, 1]
+        gap_m = first["progress"] - second["progress"] - length_m
+        waits = told & (first["progress"] < zone_m) & (gap_m > -length_m)
+        if takes_pace(chaser):
+            wanted = first["velocity_x"] + CLOSING * (gap_m - KEEP_M)
+            paced = second["pace"] * wanted / np.maximum(second["velocity_x"], 1.0)
+            second["pace"] = np.where(waits, np.clip(paced, PACE[0], 1.0), 1.0)
         actions = np.concatenate([ahead(world), behind(world)], axis=1)
-        if told:
-            first, second = world.state[:, 0], world.state[:, 1]
-            gap_m = first["progress"] - second["progress"] - length_m
+        if not takes_pace(chaser):
             closing = second["velocity_x"] - first["velocity_x"]
             most = np.clip(0.1 * (gap_m - KEEP_M) - 0.2 * closing, -1.0, 1.0)
-            waits = (first["progress"] < zone_m) & (gap_m > -length_m)
             actions[waits, 1, 0] = np.minimum(actions[waits, 1, 0], most[waits])
         return actions
 
@@ -224,14 +251,7 @@ def measure(path: Path, seeds: Sequence[int], races: Sequence[int]) -> dict[str,
     circuit, car = champion.card.circuit, champion.card.car
     track, length_m = load_track(circuit), load_car(car).body.length_m
     zone_m = first_zone_m(track)
-    chases = {
-        name: chase(champion, circuit, car, seeds, penalty_s, told)
-        for name, penalty_s, told in (
-            ("free", 0.0, False),
-            ("penalised", PENALTY_S, False),
-            ("told", PENALTY_S, True),
-        )
-    }
+    chases = {name: chase(champion, circuit, car, seeds, *asked) for name, asked in CHASES.items()}
     policies: dict[str, Policy] = {"champion": champion, "driver": Driver(circuit, car)}
     return {
         "policy": path.stem,
@@ -251,18 +271,30 @@ def measure(path: Path, seeds: Sequence[int], races: Sequence[int]) -> dict[str,
     }
 
 
+def measure_paced(circuit: str, car: str, seeds: Sequence[int]) -> dict[str, Any]:
+    """The figures of PACED on a circuit."""
+    policy, track, length_m = load_checkpoint(PACED), load_track(circuit), load_car(car).body.length_m
+    zone_m = first_zone_m(track)
+    chases = {name: chase(policy, circuit, car, seeds, *asked, AHEAD) for name, asked in CHASES.items()}
+    behind = {name: told_of(trace, zone_m, length_m) for name, trace in chases.items()}
+    return {"policy": PACED.stem, "car": car, "zone_m": zone_m, "behind": behind}
+
+
 def main() -> None:
     """Measure, and print the figures as one JSON object."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--races", type=int, default=10)
+    parser.add_argument("--paced", action="store_true", help="a policy that takes a pace")
     options = parser.parse_args()
     seeds, races = range(1, options.seeds + 1), range(1, options.races + 1)
     circuits = {}
     for path in champions():
-        figures = measure(path, seeds, races)
-        circuits[load_checkpoint(path).card.circuit] = figures
+        card = load_checkpoint(path).card
+        paced = options.paced
+        figures = measure_paced(card.circuit, card.car, seeds) if paced else measure(path, seeds, races)
+        circuits[card.circuit] = figures
         print(json.dumps(figures), flush=True)
     told = {"seeds": options.seeds, "races": options.races, "circuits": circuits}
     write_result(options.json, told)

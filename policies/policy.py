@@ -27,6 +27,12 @@ def trained_with_reverse(seen: ObservationSpec) -> bool:
     return seen.planned or seen.camera is not None
 
 
+def takes_pace(policy: Any) -> bool:
+    """Whether a policy can be told how fast to drive: if its `paced` says so, or else if it sees a plan."""
+    seen: ObservationSpec | None = getattr(policy, "observation_spec", None)
+    return bool(getattr(policy, "paced", seen is not None and seen.planned))
+
+
 class Policy(Protocol):
     """Maps a batch of observations to a batch of actions, one row a car.
 

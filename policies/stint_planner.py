@@ -8,7 +8,7 @@ import numpy as np
 
 from nathlon.policies.stint_model import StintModel
 from nathlon.policies.stint_search import Rest, StintSearch
-from nathlon.policies.strategy import PitWall
+from nathlon.policies.strategy import AtFullPace, PitWall
 from nathlon.sim.rules import PitParameters
 from nathlon.sim.service import Service
 
@@ -18,7 +18,7 @@ AHEAD = 60
 """Laps for which it plans where a race has no number of laps."""
 
 
-class StintPlanner:
+class StintPlanner(AtFullPace):
     """Weighs every lap in which the next stop may be, by its model and the actual tyres and fuel.
 
     What comes after that stop is the fastest there is by dynamic programming. Other cars are not reckoned

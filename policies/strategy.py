@@ -35,6 +35,7 @@ class PitWall(NamedTuple):
         stops: of all cars (cars,) int64.
         pit: what a stop takes.
         tank_kg: fuel in a full tank.
+        penalty_s: that all cars (cars,) have still to serve, s.
         film_mm: water on the road.
         rain_mm_h: how hard it rains.
         forecast: weathers that agree with the rain so far, with their chances; none without weather.
@@ -53,6 +54,7 @@ class PitWall(NamedTuple):
     stops: NDArray[np.int64]
     pit: PitParameters
     tank_kg: float
+    penalty_s: NDArray[np.float64]
     film_mm: float = 0.0
     rain_mm_h: float = 0.0
     forecast: tuple[Weather, ...] = ()
@@ -74,6 +76,22 @@ class Strategist(Protocol):
         """What is to be done at the next stop; None to drive on."""
         ...
 
+    def pace(self, wall: PitWall) -> float:
+        """Share of its own speed at which the car is to drive, within PACE; asked after the others."""
+        ...
+
+
+PACE = 0.5, 1.05
+"""Least and greatest pace that a car can be told."""
+
+
+class AtFullPace:
+    """A strategist that leaves the speed to whoever drives."""
+
+    def pace(self, wall: PitWall) -> float:
+        """See `Strategist.pace`."""
+        return 1.0
+
 
 class Stint(Section):
     """What is driven on one set of tyres.
@@ -82,11 +100,13 @@ class Stint(Section):
         laps: until the stop; the last stint lasts to the end, whatever it says.
         compound: of the tyres, new; None for those that the car starts with, or has on.
         fuel_kg: in the tank at its beginning; None for a full one at the start, and to add none at a stop.
+        pace: share of its own speed at which the car drives.
     """
 
     laps: Annotated[int, Field(ge=1, le=MOST_LAPS)]
     compound: str | None = None
     fuel_kg: Annotated[float, Field(ge=0, le=1e5)] | None = None
+    pace: Annotated[float, Field(ge=PACE[0], le=PACE[1])] = 1.0
 
     @field_validator("compound")
     @classmethod
@@ -120,6 +140,10 @@ class StintPlan:
             return None
         return self._stints[stint + 1].service
 
+    def pace(self, wall: PitWall) -> float:
+        """See `Strategist.pace`."""
+        return self._stints[min(int(wall.stops[wall.car]), len(self._stints) - 1)].pace
+
 
 WORN = 0.85
 """Wear at which a car stops that has no plan."""
@@ -140,7 +164,7 @@ def suiting(film_mm: float, compounds: Sequence[str]) -> dict[str, float]:
     }
 
 
-class WhenNeeded:
+class WhenNeeded(AtFullPace):
     """A strategist without a plan: it stops when tyres are worn or do not suit the road, or fuel is short.
 
     Tyres are worn at `WORN`; fuel is short if it would not last two laps at full power. The car gets a full

@@ -330,7 +330,7 @@ def observe_plan(car: CarRecord, values: np.ndarray, layout: LayoutParameters, p
         offset = on_plan(plan, low, share, OFFSET) - car.lateral
         heading = on_plan(plan, low, share, DIRECTION) - car.yaw
         heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        target = layout.plan_pace * on_plan(plan, low, share, SPEED)
+        target = layout.plan_pace * car.pace * on_plan(plan, low, share, SPEED)
         faster = (target - velocity) / max(target, velocity, SLOWEST)
         curvature = on_plan(plan, low, share, CURVATURE)
         k = STATION_SIZE * station

@@ -156,7 +156,7 @@ class Scenario(Section):
             case RollingStart():
                 start = self._rolling(self.start, track, rng)
             case FormationStart():
-                start = self._formation(self.start, track)
+                start = self._formation(self.start, track, rng)
             case AbreastStart():
                 start = self._abreast(self.start, track, rng)
             case AnywhereStart():
@@ -174,11 +174,12 @@ class Scenario(Section):
             finish = self.finish_m + (track.stretch(self.origin)[1] if self.origin else 0.0)
         return np.full(self.cars, finish)
 
-    def _formation(self, start: FormationStart, track: Track) -> Start:
+    def _formation(self, start: FormationStart, track: Track, rng: np.random.Generator) -> Start:
         places = np.arange(self.cars)
+        jitter = start.jitter_m * rng.uniform(-1.0, 1.0, (2, self.cars)) if start.jitter_m else np.zeros(2)
         return Start(
-            distance=start.leader_m - start.gap_m * places.astype(np.float64),
-            lateral=np.where(places % 2 == 0, track.grid.lateral_m, -track.grid.lateral_m),
+            distance=start.leader_m - start.gap_m * places + jitter[0],
+            lateral=np.where(places % 2 == 0, track.grid.lateral_m, -track.grid.lateral_m) + jitter[1],
             heading=np.zeros(self.cars),
             speed=np.full(self.cars, start.speed_m_s),
             finish=self._finish(track),

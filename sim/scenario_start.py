@@ -60,6 +60,7 @@ class FormationStart(Section):
     leader_m: Metres  # progress of the first car
     gap_m: Annotated[float, Field(gt=0, le=1e6)]  # from each car to the next, along the road
     speed_m_s: Annotated[float, Field(gt=0, le=120)]
+    jitter_m: Annotated[float, Field(ge=0, le=100)] = 0.0  # along and across the road, drawn evenly
 
 
 class AbreastStart(Section):

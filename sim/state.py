@@ -143,6 +143,7 @@ class CarRecord(Protocol):
     flagged_for: int  # index of the car that is about to lap it, or -1
     held_up_s: float  # for which it has held that one up
     hold_ups: int  # for which it was penalised
+    pace: float  # share of its own speed at which it is to drive
 
 
 Cars: TypeAlias = Sequence[CarRecord]

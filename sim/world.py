@@ -167,7 +167,7 @@ class World:
         for unset in ("line_s", "sector_s", "last_lap_s", "best_lap_s", "finish_s"):
             cars[unset] = np.nan
         cars["contact_s"] = -np.inf
-        cars["driving"] = True
+        cars["driving"], cars["pace"] = True, 1.0
         cars["flagged_for"] = NOBODY
         cars["sky"], cars["film"] = start.sky, self.conditions.film_mm
         cars["wet_grip"] = cars["wet_peak"] = 1.0
@@ -281,6 +281,10 @@ class World:
             for name, value in zip(ASKED, self._fitted(self.model(race, car), service.compound), strict=True):
                 state[name] = value
         state["asked_fuel"] = 0.0 if service.fuel_kg is None else service.fuel_kg
+
+    def ask_pace(self, race: int, car: int, pace: float) -> None:
+        """Have a car drive at a share of its own speed from now on, if what drives it can be told."""
+        self.state["pace"][race, car] = pace
 
     def first_compound(self, car: Car) -> str:
         """That which cars of a model start on."""

@@ -109,7 +109,7 @@ class Follower:
         remembers: bool = True,
     ) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
-        self.reverse = True
+        self.reverse = self.paced = True
         self.pace = pace
         self.line = line
         self._knowledge = _knowledge(track, car, pace, line, temper, care, remembers)
@@ -147,6 +147,7 @@ class Follower:
         grip: NDArray[np.float64],
         peak: NDArray[np.float64],
         flagged: NDArray[np.bool_],
+        told_pace: NDArray[np.float64],
     ) -> tuple[Batch, Batch]:
         """As `act`, knowing more.
 
@@ -154,9 +155,10 @@ class Follower:
             observations, memory: as of `act`.
             grip, peak: (n,) of each car at present, and its slip at the peak, as multiples of its own.
             flagged: (n,) who is shown a blue flag.
+            told_pace: (n,) share of its pace at which each is to drive.
         """
         actions, remembered = np.empty_like(memory), np.empty_like(memory)
-        told = np.stack([grip, peak, np.where(flagged, YIELDING, 1.0)], axis=1)
+        told = np.stack([grip, peak, np.where(flagged, YIELDING, 1.0) * told_pace], axis=1)
         for here in np.unique(told, axis=0):
             rows = (told == here).all(axis=1)
             pace = self.pace * float(here[0]) ** SLOWER * float(here[2])

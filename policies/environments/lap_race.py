@@ -96,6 +96,7 @@ class LapRace:
             stops=self.stops.copy(),
             pit=self._pit,
             tank_kg=self._tank_kg,
+            penalty_s=np.zeros(cars),
         )
 
     def drive(self, services: Sequence[Service | None]) -> Floats:

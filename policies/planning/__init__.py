@@ -10,6 +10,7 @@ from nathlon.policies.planning.mppi import Mppi
 from nathlon.policies.planning.rollout import Rollout
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources.composite import Composite
 from nathlon.sim.world import World
 
 __all__ = ["Mppi", "Rollout", "Scene", "decide"]
@@ -26,7 +27,8 @@ def decide(
     """What a policy does in a world; see `Policy.act`.
 
     Only nathlon's own planners are shown the world: a policy that is anybody's code could change it. The
-    built-in driver feels the grip where there is weather, and sees blue flags where any are shown.
+    built-in driver feels the grip where there is weather, sees blue flags where any are shown, and is told
+    its pace, as a part of a composite too.
 
     Args:
         policy: drives the cars.
@@ -37,8 +39,14 @@ def decide(
     scene = Scene(world, races, cars)
     if isinstance(policy, Mppi | Rollout):
         return policy.plan(scene, observations, memory)
+    if isinstance(policy, Composite):
+
+        def ask(part: Policy, seen: Batch, own: Batch) -> tuple[Batch, Batch]:
+            return decide(part, world, races, cars, seen, own)
+
+        return policy.act_by(ask, observations, memory)
     if isinstance(policy, Follower):
-        flagged = scene.flagged
-        if world.conditions.weather or flagged.any():
-            return policy.act_when_told(observations, memory, *scene.grips, flagged)
+        flagged, pace = scene.flagged, scene.pace
+        if world.conditions.weather or flagged.any() or (pace != 1.0).any():
+            return policy.act_when_told(observations, memory, *scene.grips, flagged, pace)
     return policy.act(observations, memory)

@@ -59,7 +59,7 @@ class Rollout:
     taught by it sees all that it goes by.
     """
 
-    reverse = True
+    reverse = paced = True
 
     def __init__(self, circuit: str, car: str, pace: float, grip: float, temper: str, ahead_s: float) -> None:
         """A driver for a circuit and car.
@@ -183,7 +183,7 @@ class Rollout:
 
 def _ease(scene: Scene) -> Floats:
     """By what paces are multiplied in some cars, (n,)."""
-    return eased(scene.grips[0], scene.flagged)
+    return eased(scene.grips[0], scene.flagged) * scene.pace
 
 
 def _worth(before: NDArray[np.void], state: NDArray[np.void], touching: Floats, length: float) -> Floats:

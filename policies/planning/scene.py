@@ -35,3 +35,8 @@ class Scene(NamedTuple):
     def flagged(self) -> NDArray[np.bool_]:
         """Which of the cars are shown a blue flag, (n,)."""
         return np.asarray(self.world.state["flagged_for"][self.races, self.cars] != NOBODY)
+
+    @property
+    def pace(self) -> NDArray[np.float64]:
+        """Shares of their pace at which the cars are told to drive, (n,)."""
+        return np.asarray(self.world.state["pace"][self.races, self.cars])

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from nathlon.policies.policy import Batch, Policy, has_reverse
+from nathlon.policies.policy import Batch, Policy, has_reverse, takes_pace
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
-from nathlon.policies.sources.strategist import load_strategist, strategist_id
+from nathlon.policies.sources.strategist import OwnStrategist, load_strategist, strategist_id
 from nathlon.policies.stint_model import StintModel
 from nathlon.policies.stint_planner import StintPlanner
 from nathlon.policies.strategy import Stint, StintPlan, Strategist
@@ -30,6 +30,8 @@ STRATEGIES = ("stint", "planner", "strategist")
 PLACE = 2
 """Numbers of the memory that tell where a car started and how far it has come."""
 
+Ask = Callable[[Policy, Batch, Batch], tuple[Batch, Batch]]
+"""Gives what a policy does, which sees something and remembers something; see `Policy.act`."""
 Load = Callable[[str, str, str], Policy]
 """Gives the policy of a name, circuit and car."""
 
@@ -127,7 +129,7 @@ class CompositeSource:
     def identity(self, ids: Sequence[str]) -> str:
         """SHA-256 in hexadecimal of all that decides how it drives, given the ids of all its policies."""
         facts = [part.model_dump_json(exclude={"policy"}) for part in self.file.part]
-        facts += [stint.model_dump_json() for stint in self.file.stint]
+        facts += [_told(stint) for stint in self.file.stint]
         facts += [self.file.planner.model_dump_json()] if self.file.planner else []
         own = self.file.strategist
         facts += [strategist_id(own, self.path.parent)] if own else []
@@ -138,7 +140,8 @@ class CompositeSource:
 
         Raises:
             InputError: if a part's policy cannot be read or its section is not on the circuit, if nobody
-                drives at some place, or if the parts do not see the same.
+                drives at some place, if the parts do not see the same, or if one that takes no pace is to be
+                told one.
         """
         parts = [part for part in self.file.part if part.circuit in (None, circuit)]
         if not parts or not parts[-1].unconditional:
@@ -151,10 +154,20 @@ class CompositeSource:
         policies = [load(source, circuit, car) for source in sources]
         spec = joint_spec(sources, [policy.observation_spec for policy in policies])
         strategist = self._strategist(circuit, car)
+        unpaced = [name for name, policy in zip(sources, policies, strict=True) if not takes_pace(policy)]
+        if unpaced and self._tells_pace(strategist):
+            raise InputError(
+                f"{self.path}: pace: {unpaced[0]} takes none, "
+                "expected the built-in driver or a policy that sees its plan"
+            )
         try:
             return Composite(track, parts, policies, spec, strategist)
         except InputError as error:
             raise InputError(f"{self.path}: sections: {error}") from None
+
+    def _tells_pace(self, strategist: Strategist | None) -> bool:
+        own = isinstance(strategist, OwnStrategist) and strategist.tells_pace
+        return own or any(stint.pace != 1.0 for stint in self.file.stint)
 
     def _strategist(self, circuit: str, car: str) -> Strategist | None:
         """Who decides when its cars stop; None if they never do."""
@@ -177,6 +190,7 @@ class Composite:
     Attributes:
         strategist: who decides when its cars stop; None if they never do.
         reverse: whether its cars have a reverse gear: if those of all its policies do.
+        paced: whether it can be told how fast to drive: if all its policies can.
     """
 
     def __init__(
@@ -206,6 +220,7 @@ class Composite:
             )
         self.strategist = strategist
         self.reverse = all(map(has_reverse, policies))
+        self.paced = all(map(takes_pace, policies))
         self.observation_spec = spec
         self._policies = policies
         self._columns = [columns(spec, policy.observation_spec) for policy in policies]
@@ -228,10 +243,14 @@ class Composite:
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """See `Policy.act`."""
+        return self.act_by(lambda policy, seen, own: policy.act(seen, own), observations, memory)
+
+    def act_by(self, ask: Ask, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """As `act`, with the parts asked by a function."""
         place, *memories = np.split(memory, self._bounds, axis=1)
         angle, place = self._follow(observations, place)
         answers = [
-            policy.act(np.ascontiguousarray(observations[:, seen]), np.ascontiguousarray(own))
+            ask(policy, np.ascontiguousarray(observations[:, seen]), np.ascontiguousarray(own))
             for policy, seen, own in zip(self._policies, self._columns, memories, strict=True)
         ]
         driving = self._driving(angle, place)
@@ -313,6 +332,11 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         version=layout.version,
         plan_pace=layout.plan_pace,
     )
+
+
+def _told(stint: Stint) -> str:
+    """A stint in an id, in which there was no pace before there were any."""
+    return stint.model_dump_json(exclude={"pace"} if stint.pace == 1.0 else None)
 
 
 def _layout(spec: ObservationSpec) -> str:

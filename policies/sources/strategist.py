@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nathlon.policies.strategy import PitWall, Strategist
+from nathlon.policies.strategy import PACE, PitWall
 from nathlon.sim.car import load_compounds
 from nathlon.sim.errors import InputError
 from nathlon.sim.service import Service
@@ -24,11 +24,16 @@ class StrategistError(Exception):
 
 
 class OwnStrategist:
-    """A user's strategist, whose answers are checked."""
+    """A user's strategist, whose answers are checked.
 
-    def __init__(self, name: str, strategist: Strategist) -> None:
+    Attributes:
+        tells_pace: whether it has a method `pace`; without one its cars drive as fast as they can.
+    """
+
+    def __init__(self, name: str, strategist: Any) -> None:
         """One that goes by a name."""
         self._name, self._strategist = name, strategist
+        self.tells_pace = callable(getattr(strategist, "pace", None))
 
     def start(self, wall: PitWall) -> Service:
         """See `nathlon.policies.strategy.Strategist.start`.
@@ -36,7 +41,7 @@ class OwnStrategist:
         Raises:
             StrategistError: if it raises, or gives no service.
         """
-        service = self._asked(self._strategist.start, wall)
+        service = self._service(self._strategist.start, wall)
         if service is None:
             raise StrategistError(f"strategist {self._name}: start answered None, expected a Service")
         return service
@@ -47,27 +52,46 @@ class OwnStrategist:
         Raises:
             StrategistError: if it raises, or gives neither a service nor None.
         """
-        return self._asked(self._strategist.decide, wall)
+        return self._service(self._strategist.decide, wall)
 
-    def _asked(self, method: Callable[[PitWall], Any], wall: PitWall) -> Service | None:
-        asked = f"strategist {self._name}: {method.__name__}"
+    def pace(self, wall: PitWall) -> float:
+        """See `nathlon.policies.strategy.Strategist.pace`.
+
+        Raises:
+            StrategistError: if it raises, or gives no pace.
+        """
+        if not self.tells_pace:
+            return 1.0
+        answer, (least, most) = self._answer(self._strategist.pace, wall), PACE
+        if not (isinstance(answer, int | float) and least <= answer <= most):
+            raise StrategistError(
+                f"strategist {self._name}: pace answered {answer!r:.200}, expected {least:g} to {most:g}"
+            )
+        return float(answer)
+
+    def _service(self, method: Callable[[PitWall], Any], wall: PitWall) -> Service | None:
+        answer = self._answer(method, wall)
+        if answer is not None and not _is_service(answer):
+            raise StrategistError(
+                f"strategist {self._name}: {method.__name__} answered {answer!r:.200}, expected None or a "
+                "Service with a known compound and 0 kg of fuel or more"
+            )
+        return answer
+
+    def _answer(self, method: Callable[[PitWall], Any], wall: PitWall) -> Any:
         try:
             with redirect_stdout(sys.stderr):
-                answer = method(wall)
+                return method(wall)
         except MemoryError:
             raise
         # It is foreign code: whatever it raises, its car is out.
         except (Exception, SystemExit) as error:
-            raise StrategistError(f"{asked} raised {type(error).__name__} ({error})") from error
-        if answer is not None and not _is_service(answer):
             raise StrategistError(
-                f"{asked} answered {answer!r:.200}, expected None or a Service with a known compound "
-                "and 0 kg of fuel or more"
-            )
-        return answer
+                f"strategist {self._name}: {method.__name__} raised {type(error).__name__} ({error})"
+            ) from error
 
 
-def load_strategist(name: str, folder: Path, circuit: str, car: str) -> Strategist:
+def load_strategist(name: str, folder: Path, circuit: str, car: str) -> OwnStrategist:
     """What `PATH.py:NAME` makes for a circuit and car.
 
     Args:

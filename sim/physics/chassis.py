@@ -103,6 +103,8 @@ def advance(
     steep = steep_x + steep_y - 1.0
     loads = set_loads(car, math.sqrt(steep), ground.shake, p)
 
+    if rates.fuel > 0.0 and car.fuel <= 0.0:
+        car.throttle = 0.0
     driven_spin = (1.0 - p.drive_front) * 0.5 * (car.spin[2] + car.spin[3])
     driven_spin += p.drive_front * 0.5 * (car.spin[0] + car.spin[1])
     shift(car, driven_spin, dt, p)

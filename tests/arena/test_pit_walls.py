@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.runner import run_match
 from nathlon.arena.stints import DrivenStint, read
 from nathlon.arena.watch import Watch
+from nathlon.policies.bundled import champion
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import Composite
 from nathlon.policies.sources.identity import policy_id
@@ -54,6 +56,7 @@ def wall(stops: int, ends_lap: int) -> PitWall:
         stops=np.array([stops]),
         pit=PitParameters(8.0, 2.5, False),
         tank_kg=80.0,
+        penalty_s=np.zeros(1),
     )
 
 
@@ -126,6 +129,9 @@ class Listening:
         self.walls.append(wall)
         return None
 
+    def pace(self, wall: PitWall) -> float:
+        return 1.0
+
 
 def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
     """And goes on where its notes end."""
@@ -177,6 +183,41 @@ def test_a_car_whose_strategist_fails_is_out_and_the_others_race_on(
     assert "strategist Failing: decide raised ValueError (no idea): its car is out" in caplog.text
 
 
+PLANNED = Path(__file__).parents[2] / "benchmarks/ladders/generalist/generalist-racer-007k.safetensors"
+LAP = "[[stint]]\nlaps = 1\n"
+
+
+@pytest.mark.parametrize("policy", ["driver", str(PLANNED)])
+def test_a_car_drives_each_stint_at_its_pace(tmp_path: Path, policy: str) -> None:
+    part = f'[[part]]\npolicy = "{policy}"\n'
+    sources = written(tmp_path, f"{part}{LAP}pace = 0.8\n{LAP}", "slow"), written(tmp_path, part + LAP + LAP)
+    races = tuple(Race(1, (Seat(entrant),)) for entrant in range(2))
+    match = Match("race", "pace", "stint:laps=2", "lindenring", "gt3", ("slow", "plan"), sources, races)
+    paces: list[NDArray[np.float64]] = []
+    slow, free = run_match(
+        match,
+        [load_policy(source, "lindenring", "gt3") for source in sources],
+        lambda world: paces.append(world.state["pace"][:, 0].copy()),
+    )["race_time_s"]
+    assert paces[0].tolist() == [0.8, 1.0]
+    assert paces[-1].tolist() == [1.0, 1.0]
+    assert slow - free == pytest.approx(0.25 * free / 2, rel=0.3)
+
+
+def test_who_takes_no_pace_is_told_none(tmp_path: Path) -> None:
+    policy = champion("lindenring", "gt3")
+    source = written(tmp_path, f'[[part]]\npolicy = "{policy}"\n{LAP}pace = 0.9\n')
+    with refusal(
+        Path(source), f"pace: {policy} takes none, expected the built-in driver or a policy that sees"
+    ):
+        load_policy(source, "lindenring", "gt3")
+
+
+def test_a_pace_is_part_of_the_entrant_unless_it_is_all(tmp_path: Path) -> None:
+    ids = [policy_id(written(tmp_path, PART + LAP + pace)) for pace in ("", "pace = 1.0\n", "pace = 0.9\n")]
+    assert ids[0] == ids[1] != ids[2]
+
+
 def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:
     plans = [PART, PART + SOFT, PART + SOFT + HARD]
     assert len({policy_id(written(tmp_path, plan, str(i))) for i, plan in enumerate(plans)}) == 3
@@ -185,6 +226,7 @@ def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("stint", "complaint"),
     [
+        ("laps = 1\npace = 0.3", "field stint.0.pace is 0.3: .*greater than or equal to 0.5"),
         ("laps = 0", "field stint.0.laps is 0: .*greater than or equal to 1"),
         (
             'laps = 1\ncompound = "butter"',

@@ -17,6 +17,7 @@ from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RESULTS
 from nathlon.arena.single_race import single_race
+from nathlon.lab.events.chapters import stint_chapter
 from nathlon.lab.events.classes import class_names, grid_by_class
 from nathlon.lab.events.race_folder import RaceDriven
 from nathlon.lab.events.standings import Started, class_leaders, with_names
@@ -101,6 +102,15 @@ def test_a_policy_that_does_not_fit_its_car_is_refused(pool: Pool) -> None:
     made_for_gt3 = str(champion("lindenring", "gt3"))
     with pytest.raises(InputError, match="car is 'gt3', expected 'prototype'"):
         enter_in_cars(pool, [(made_for_gt3, "prototype")], "lindenring")
+
+
+def test_stints_are_told_in_the_order_of_the_grid_with_their_class() -> None:
+    facts = {"stops": [0, 0], "compound": ["racing-hard"] * 2, "lap": [1, 1], "lap_s": [90.0, 100.0]}
+    laps = pl.DataFrame(facts | {"car": [1, 0], "name": ["a", "b"], "class": ["gt3", "prototype"]})
+    chapter = stint_chapter(laps)
+    assert chapter.heads[:2] == ["Entrant", "Class"]
+    assert [row[:2] for row in chapter.rows] == [["b", "prototype"], ["a", "gt3"]]
+    assert "Class" not in stint_chapter(laps.with_columns(pl.lit("gt3").alias("class"))).heads
 
 
 def test_an_endurance_of_two_classes(tmp_path: Path) -> None:

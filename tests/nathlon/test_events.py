@@ -108,6 +108,7 @@ def wall(wear: float, fuel_kg: float, lap: int = 3, laps: int | None = None, fil
         stops=one,
         pit=rule_parameters(load_rules("sporting")).pit,
         tank_kg=80.0,
+        penalty_s=np.zeros(1),
         film_mm=film_mm,
         forecast=(Weather(),) if film_mm else (),
     )

@@ -237,6 +237,7 @@ def test_a_planner_begins_as_the_fastest_plan() -> None:
         stops=np.zeros(1, int),
         pit=PIT,
         tank_kg=80.0,
+        penalty_s=np.zeros(1),
     )
     assert StintPlanner(stint_model(model)).start(wall) == best.stints[0].service
 

@@ -255,7 +255,7 @@ def test_the_driver_feels_the_rain() -> None:
     whole = np.ones(1)
     for once, again in zip(
         driver.act(seen, memories[1]),
-        driver.act_when_told(seen, memories[1], whole, whole, whole == 0.0),
+        driver.act_when_told(seen, memories[1], whole, whole, whole == 0.0, whole),
         strict=True,
     ):
         np.testing.assert_array_equal(once, again)
@@ -275,6 +275,16 @@ def test_the_driver_slows_down_on_its_line_for_a_blue_flag() -> None:
     free, flagged = world.state[:, 0]
     assert flagged["progress"] < free["progress"] - 100.0
     assert flagged["off_course_s"] == free["off_course_s"] == 0.0
+
+
+def test_a_driver_that_is_told_a_pace_drives_as_one_with_that_pace() -> None:
+    world, none = World(TRACK, GT3, 1, 1), np.zeros(1, np.int64)
+    world.reset(0, start_at([100.0], speed=60.0))
+    told, slower = (load_policy(name, "lindenring", "gt3") for name in ("driver", "driver:pace=0.9"))
+    seen, memory = world.observe(told.observation_spec, none, none), told.initial_memory(1)
+    world.ask_pace(0, 0, 0.9)
+    actions, _ = decide(told, world, none, none, seen, memory)
+    assert actions[0, 0] == slower.act(seen, memory)[0][0, 0] < told.act(seen, memory)[0][0, 0]
 
 
 def test_each_row_of_a_batch_is_driven_alone() -> None:

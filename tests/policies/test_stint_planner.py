@@ -55,6 +55,7 @@ def wall(lap: int, laps: int | None = LAPS, **known: Any) -> PitWall:
         "stops": np.zeros(1, int),
         "pit": PitParameters(8.0, 2.5, False),
         "tank_kg": 80.0,
+        "penalty_s": np.zeros(1),
     }
     return PitWall(**facts | known)
 

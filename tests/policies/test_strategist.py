@@ -74,6 +74,27 @@ def test_what_it_must_not_answer_is_told(tmp_path: Path, answer: str, said: str)
         own.decide(wall(3))
 
 
+PACED = (
+    MINE.replace("ANSWER", "None")
+    + """
+    def pace(self, wall):
+        return ANSWER
+"""
+)
+
+
+def test_it_may_tell_a_pace(tmp_path: Path) -> None:
+    assert strategist(written(tmp_path, "None")).pace(wall(3)) == 1.0
+    assert strategist(written(tmp_path, "1 - 0.01 * wall.lap", PACED)).pace(wall(3)) == 0.97
+
+
+@pytest.mark.parametrize("answer", ["None", "0.4", "float('nan')"])
+def test_a_pace_that_cannot_be_is_told(tmp_path: Path, answer: str) -> None:
+    own = strategist(written(tmp_path, answer, PACED))
+    with pytest.raises(StrategistError, match=r"Mine: pace answered .*, expected 0\.5 to 1\.05"):
+        own.pace(wall(3))
+
+
 @pytest.mark.parametrize(
     ("code", "said"),
     [

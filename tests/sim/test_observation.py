@@ -356,6 +356,18 @@ class TestPlan:
         fine = np.array([0.5, 0.05, 0.05, 0.05, 0.1])
         np.testing.assert_allclose(see[-ERRORS:], errors / (fine + np.abs(errors)), atol=2e-3)
 
+    def test_a_car_that_is_told_a_pace_sees_other_speeds(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [30.0], speed=20.0)
+        world.show(plan)
+        before = raw(world, self.SPEC)["plan"]
+        world.ask_pace(0, 0, 0.8)
+        see = raw(world, self.SPEC)["plan"]
+        target = 0.8 * 36.0
+        stations = see[:-ERRORS].reshape(len(STATIONS_S), STATION_SIZE)
+        np.testing.assert_allclose(stations[:, 3], (target - 20.0) / target, atol=1e-5)
+        assert np.count_nonzero(see != before) == len(STATIONS_S) + 1
+
     def test_all_else_is_that_of_the_layout_without_a_plan(self) -> None:
         track, plan = round_the_circle(2.0, 40.0)
         world = world_with(track, [30.0, 40.0], speed=20.0)

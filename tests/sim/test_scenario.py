@@ -114,6 +114,16 @@ def test_formation_moves_towards_the_line_two_by_two() -> None:
     assert (start.finish == 3 * TRACK.length).all()
 
 
+def test_a_formation_is_as_orderly_as_it_says() -> None:
+    scenario = load_scenario("grand_prix_stops")
+    one, other, again = (scenario.place(TRACK, np.random.default_rng(seed)) for seed in (1, 2, 1))
+    np.testing.assert_allclose(one.distance, -60.0 - 9.0 * np.arange(20), atol=0.3)
+    np.testing.assert_allclose(one.lateral, TRACK.grid.lateral_m * (-1.0) ** np.arange(20), atol=0.3)
+    assert (one.distance != other.distance).all()
+    assert (one.lateral != other.lateral).all()
+    assert (one.distance == again.distance).all()
+
+
 @given(seeds, st.sampled_from(sorted(TRACKS)))
 def test_cars_abreast_are_beside_each_other_before_the_end_of_their_origin(seed: int, circuit: str) -> None:
     track = TRACKS[circuit]

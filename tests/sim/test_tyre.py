@@ -129,6 +129,16 @@ class TestConsumption:
             state["mass"] * G + downforce(GT3, state["velocity_x"]), rel=1e-3
         )
 
+    def test_a_car_without_fuel_coasts(self) -> None:
+        pressed, lifted = (
+            world_with(stadium(), [1000.0, 100.0], speed=40.0, conditions=Conditions(fuel_rate=3.0))
+            for _ in range(2)
+        )
+        pressed.state["fuel"][0, 1] = lifted.state["fuel"][0, 1] = 0.0
+        full, empty = drive(pressed, 1.0, seconds=10.0)[0]
+        assert empty["velocity_x"] < 40.0 < full["velocity_x"]
+        assert empty["progress"] == drive(lifted, 0.0, seconds=10.0)[0, 1]["progress"]
+
     def test_nothing_wears_or_burns_at_rate_zero(self) -> None:
         world = world_with(stadium(), [100.0], speed=40.0)
         state = drive(world, 1.0, 0.5, seconds=5.0)[0, 0]

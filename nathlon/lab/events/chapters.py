@@ -49,10 +49,14 @@ def race_chapter(results: pl.DataFrame, title: str) -> Chapter:
 
 def stint_chapter(laps: pl.DataFrame) -> Chapter:
     """The stints of a race."""
-    heads = ("Entrant", "Stint", "Compound", "Laps", "Best lap", "Mean lap")
+    heads = ("Entrant", "Class", "Stint", "Compound", "Laps", "Best lap", "Mean lap")
+    several = of_classes(laps)
     rows = [
-        [name, str(stint), compound, f"{first} to {last}", seconds(best_s), seconds(mean_s)]
-        for name, stint, compound, first, last, best_s, mean_s in lap_times(laps).iter_rows()
+        [
+            *(row["name"], row["class"] if several else "", str(row["stint"]), row["compound"]),
+            *(f"{row['first']} to {row['last']}", seconds(row["best_s"]), seconds(row["mean_s"])),
+        ]
+        for row in lap_times(laps).iter_rows(named=True)
     ]
     return table_chapter("Stints", rows, heads)
 

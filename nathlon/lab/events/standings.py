@@ -65,9 +65,10 @@ def class_leaders(results: pl.DataFrame) -> dict[str, str]:
 
 
 def lap_times(laps: pl.DataFrame) -> pl.DataFrame:
-    """Stints by `name`: of `nathlon.arena.lap_chart.stints`, in the order of the grid."""
-    named = laps.select("car", "name").unique()
-    return stints(laps).join(named, "car").select("name", pl.exclude("car", "name")).sort("name", "stint")
+    """Stints by `name` and `class`: of `nathlon.arena.lap_chart.stints`, in the order of the grid."""
+    named = laps.select("car", "name", "class").unique()
+    found = stints(laps).join(named, "car").sort("car", "stint")
+    return found.select("name", "class", pl.exclude("car", "name", "class"))
 
 
 def season_table(results: Mapping[str, pl.DataFrame]) -> pl.DataFrame:

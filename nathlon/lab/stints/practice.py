@@ -213,7 +213,8 @@ class _Begin(NamedTuple):
 
 
 def _rows(compound: str, stop: int, begun: Sequence[_Begin], stood_s: float) -> list[LapRow]:
-    """Those of a run; the laps before and after its stop together, wherever the line lies.
+    """Those of a run until its tank was empty; the laps before and after its stop together, wherever the line
+    lies.
 
     Raises:
         InputError: if it came to the pit lane too fast and stopped a lap late: no row tells of that.
@@ -229,6 +230,8 @@ def _rows(compound: str, stop: int, begun: Sequence[_Begin], stood_s: float) -> 
         stops = age == stop and first + 2 < len(begun) and begun[first + 2].stops > begun[first].stops
         last = first + 2 if stops else first + 1
         begin, end = begun[first], begun[last]
+        if end.fuel_kg <= 0.0:
+            break
         taken = end.time_s - begin.time_s - (stood_s if stops else 0.0)
         fuel_kg = sum(each.fuel_kg for each in begun[first:last])
         used_kg = begun[first].fuel_kg - begun[first + 1].fuel_kg

@@ -1,0 +1,36 @@
+"""What a planner's races against fixed plans come to over all circuits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.strategy import summary
+
+ALONE: dict[str, Any] = {
+    "alone": {"planner": [1002.0, 1004.0], "1 stops": [1000.0, 1001.0], "2 stops": [1010.0, 1000.0]},
+    "expected_s": {"1 stops": 1000.0, "2 stops": 1010.0},
+    "field": [],
+    "lap_wise": 9.0,
+    "field_wall_s": 0.0,
+}
+IN_FIELD = ALONE | {
+    "field": [
+        {"planner": 9.0, "fixed": 12.0, "hours": 0.5},
+        {"planner": 11.0, "fixed": 10.0, "hours": 0.5},
+    ],
+    "lap_wise": 12.0,
+    "field_wall_s": 120.0,
+}
+
+
+def test_the_best_plan_is_that_of_each_seed() -> None:
+    told = summary({"one": ALONE})
+    assert told["within_0.3_percent"] == 0.5
+    assert (told["places_gained"], told["places_error"], told["hours_a_minute"]) == (None, None, None)
+
+
+def test_places_are_those_of_the_fields_that_were_driven() -> None:
+    told = summary({"one": ALONE, "other": IN_FIELD})
+    assert told["places_gained"] == 1.0
+    assert told["places_error"] == 2.0
+    assert told["hours_a_minute"] == 0.5
