@@ -134,7 +134,7 @@ class Rollout:
         model.state[: n * copies] = np.repeat(group.state, copies, axis=0)
         model.ticks[: n * copies] = np.repeat(group.ticks, copies)
         model.state["driving"][n * copies :] = False
-        tried = Ways(*(part.reshape(-1) for part in ways))
+        tried = Ways(ways.minds.reshape(-1), ways.shift.reshape(-1), ways.pace.reshape(-1))
         begun, worth = self._drive(model, tried, np.repeat(_ease(scene), copies))
         worth = worth.reshape(n, copies)
         worth[:, 0] += FAVOUR_M
@@ -164,7 +164,8 @@ class Rollout:
         others = np.repeat(races, cars - 1), np.tile(np.arange(1, cars), n)
         ways = ways._replace(pace=ways.pace * ease)
         afterwards = minding(n, self.driver.pace)._replace(pace=self.driver.pace * ease)
-        rivals = minding(len(others[0]), RIVAL_PACE)._replace(pace=np.repeat(RIVAL_PACE * ease, cars - 1))
+        rivals = minding(len(others[0]), RIVAL_PACE)
+        rivals = rivals._replace(pace=RIVAL_PACE * eased(Scene(model, *others).grips[0], np.array(False)))
         nothing, memory = self.driver.initial_memory(n), self._rival.initial_memory(len(others[0]))
         memory[:, 0] = self._rival.off_line(state[:, 1:].reshape(-1))
         actions, touching = np.zeros((*model.state.shape, 2)), np.zeros(n)

@@ -57,8 +57,6 @@ TRAFFIC = polishing(
     imitation={"length_s": 2.0},
     observation=VIEW,
 )
-assert TRAFFIC.imitation is not None
-
 
 SEEING = polishing(
     {"scenario": "1v1", "races": 2, "learners": 1, "opponents": [CHAMPION]},
@@ -188,6 +186,7 @@ def test_a_rescuer_or_racer_says_what_to_do_where_it_is_asked_and_the_teacher_el
 def test_a_racer_that_remembers_nothing_may_be_asked_now_and_then_but_by_who_heeds_it_always(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    assert TRAFFIC.imitation is not None
     monkeypatch.setattr(teacher, "racing", lambda env: np.arange(len(env.cars)) == 0)
     imitates = {"length_s": 0.8, "racer": "driver:rollout=2", "racer_every": 4}
     config = TRAFFIC.model_copy(update={"imitation": TRAFFIC.imitation.model_copy(update=imitates)})

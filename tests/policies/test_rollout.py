@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from nathlon.policies.driver import practised
 from nathlon.policies.load import load_policy
 from nathlon.policies.planning import Rollout, Scene, decide
 from nathlon.policies.policy import Batch
@@ -24,8 +25,8 @@ STRAIGHT_M = 300.0
 
 def field(gaps: tuple[float, ...], speed: float, races: int = 1) -> World:
     """Races on a straight: a car in front, the others so many metres behind it, on its line."""
-    world = World(TRACK, GT3, races, 1 + len(gaps), rules=load_rules("standard"))
-    line = load_policy("driver", "lindenring", "gt3").line
+    world = World(TRACK, GT3, races, 1 + len(gaps), rules=load_rules("sporting"))
+    line = practised(TRACK, GT3)
     along = STRAIGHT_M - np.array([0.0, *gaps])
     row = np.round(along / TRACK.spacing).astype(np.int64)
     n = np.full(len(along), np.inf)
@@ -38,17 +39,17 @@ def field(gaps: tuple[float, ...], speed: float, races: int = 1) -> World:
 def drive(world: World, last: str, others: str, steps: int) -> None:
     """Drive on, the last car of each race by one policy."""
     races, cars = world.state.shape
-    crews = []
-    for name, which in ((last, [cars - 1]), (others, range(cars - 1))):
-        policy = load_policy(name, "lindenring", "gt3")
-        where = np.repeat(np.arange(races), len(which)), np.tile(np.array(which, np.int64), races)
-        crews.append([policy, where, policy.initial_memory(len(where[0]))])
+    policies = [load_policy(name, "lindenring", "gt3") for name in (last, others)]
+    seats = [
+        (np.repeat(np.arange(races), len(which)), np.tile(np.array(which), races))
+        for which in ([cars - 1], range(cars - 1))
+    ]
+    memory = [policy.initial_memory(len(where[0])) for policy, where in zip(policies, seats, strict=True)]
     actions = np.zeros((races, cars, 2))
     for _ in range(steps):
-        for crew in crews:
-            policy, where, memory = crew
+        for k, (policy, where) in enumerate(zip(policies, seats, strict=True)):
             seen = world.observe(policy.observation_spec, *where)
-            actions[where], crew[2] = decide(policy, world, *where, seen, memory)
+            actions[where], memory[k] = decide(policy, world, *where, seen, memory[k])
         world.step(actions)
 
 
@@ -82,8 +83,8 @@ def test_alone_it_drives_as_the_driver() -> None:
     for name in ("driver", LOOKING):
         world = field((400.0,), 40.0)
         drive(world, name, "driver", 150)
-        found.append(world.state[0, -1][["progress", "lateral"]].tolist())
-    np.testing.assert_allclose(*found, rtol=0.0, atol=0.5)
+        found.append([float(world.state[name][0, -1]) for name in ("progress", "lateral")])
+    np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=0.5)
 
 
 def test_looking_ahead_leaves_the_world_as_it_is_and_repeats_to_the_bit() -> None:
