@@ -21,7 +21,7 @@ from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.isolation import Apart
 from nathlon.policies.patience import TimedOutError
-from nathlon.policies.planning import Mppi, Rollout, decide
+from nathlon.policies.planning import Mppi, RolloutDriver, decide
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.policies.sources.human import Person
@@ -34,7 +34,7 @@ ROW_WISE = (Driver, EarlyBraker, Person)
 """Policies whose answer for a car does not depend, to the last bit, on the cars beside it in the batch. All
 others round differently with the number of rows: matrix products do."""
 
-OWN = (*ROW_WISE, Mppi, Rollout, NetworkPolicy, OnnxPolicy, Sb3Policy, SeeingPolicy)
+OWN = (*ROW_WISE, Mppi, RolloutDriver, NetworkPolicy, OnnxPolicy, Sb3Policy, SeeingPolicy)
 """Policies whose code is this program's, whatever file their weights come from."""
 HERE = nullcontext()
 

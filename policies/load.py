@@ -9,7 +9,7 @@ from nathlon.policies.checkpoint import NetworkPolicy, SeeingPolicy, open_checkp
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.memory_limit import memory_limit
-from nathlon.policies.planning import Mppi, Rollout
+from nathlon.policies.planning import Mppi, RolloutDriver
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
 from nathlon.policies.sb3_racer import Sb3Policy
@@ -55,7 +55,7 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     if kind == DRIVER:
         asked = driver_settings(name)
         if asked.rollout:
-            return Rollout(circuit, car, asked.pace, asked.grip, asked.temper, asked.rollout)
+            return RolloutDriver(circuit, car, asked.pace, asked.grip, asked.temper, asked.rollout)
         return _driver(name, circuit, car)
     if kind == PLUGIN:
         return load_plugin(settings, circuit, car)

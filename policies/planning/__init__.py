@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from nathlon.policies.driver import Follower
 from nathlon.policies.planning.mppi import Mppi
-from nathlon.policies.planning.rollout import Rollout
+from nathlon.policies.planning.rollout import RolloutDriver
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources.composite import Composite
 from nathlon.sim.world import World
 
-__all__ = ["Mppi", "Rollout", "Scene", "decide"]
+__all__ = ["Mppi", "RolloutDriver", "Scene", "decide"]
 
 
 def decide(
@@ -37,7 +37,7 @@ def decide(
         observations, memory: as of `Policy.act`.
     """
     scene = Scene(world, races, cars)
-    if isinstance(policy, Mppi | Rollout):
+    if isinstance(policy, Mppi | RolloutDriver):
         return policy.plan(scene, observations, memory)
     if isinstance(policy, Composite):
 

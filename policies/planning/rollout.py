@@ -51,7 +51,7 @@ EQUAL_M = 4.0
 Floats = NDArray[np.float64]
 
 
-class Rollout:
+class RolloutDriver:
     """A driver that looks ahead.
 
     It must be shown the world, see `nathlon.policies.planning.decide`. Alone it drives like the built-in

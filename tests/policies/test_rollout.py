@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.driver import practised
 from nathlon.policies.load import load_policy
-from nathlon.policies.planning import Rollout, Scene, decide
+from nathlon.policies.planning import RolloutDriver, Scene, decide
 from nathlon.policies.policy import Batch
 from nathlon.sim.car import load_car
 from nathlon.sim.conditions import Start
@@ -53,16 +53,16 @@ def drive(world: World, last: str, others: str, steps: int) -> None:
         world.step(actions)
 
 
-def decided(policy: Rollout, world: World, races: NDArray[np.int64]) -> Batch:
+def decided(policy: RolloutDriver, world: World, races: NDArray[np.int64]) -> Batch:
     """What it does with the last cars of some races."""
     last = np.full(len(races), world.state.shape[1] - 1)
     seen = world.observe(policy.observation_spec, races, last)
     return policy.plan(Scene(world, races, last), seen, policy.initial_memory(len(seen)))[0]
 
 
-def looking() -> Rollout:
+def looking() -> RolloutDriver:
     policy = load_policy(LOOKING, "lindenring", "gt3")
-    assert isinstance(policy, Rollout)
+    assert isinstance(policy, RolloutDriver)
     return policy
 
 

@@ -262,6 +262,7 @@ def test_n_athlon_and_matchups_show_their_tables(browser: Browser, tmp_path: Pat
     bold = opened.page.locator("#matchups .decided").count()
     assert 0 < bold == full.tables["matchups"].select(decided).item() < 30
     opened.page.locator("#matchups .cell a").first.click()
+    opened.page.locator("#races tbody tr").first.wait_for()
     assert len(opened.column("races", 1)) == 2
     opened.assert_quiet()
 

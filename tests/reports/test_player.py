@@ -182,7 +182,7 @@ def test_nothing_runs_out_of_a_hostile_name(browser: Browser, log: RaceLog, tmp_
     write_player(replace(log, names=names, circuit=HOSTILE), tmp_path / "race.html")
     opened = Opened(browser, tmp_path / "race.html")
     assert "owned" not in opened.page.title().replace(HOSTILE, "")
-    assert HOSTILE in opened.page.locator("#order").inner_text()
+    assert HOSTILE in (opened.page.locator("#order").text_content() or "")
     opened.assert_quiet()
 
 
