@@ -208,7 +208,7 @@ def test_the_shortest_race_and_hostile_names_can_be_shown(
     )
     opened = Opened(browser, replace(full, logs=(short,)), tmp_path, address(full))
     opened.until("document.querySelector('#incidents')")
-    assert HOSTILE in opened.page.locator("#follow").inner_text()
+    assert f"1 {HOSTILE[:13]}…{HOSTILE[-14:]}" in opened.page.locator("#follow").inner_text()
     assert opened.page.locator("main img").count() == 0
     assert "owned" not in opened.page.title()
     opened.assert_quiet()
