@@ -137,7 +137,7 @@ class Follower:
         return self.follow(observations, memory, minding(len(observations), self.pace))
 
     def follow(self, observations: Batch, memory: Batch, ways: Ways) -> tuple[Batch, Batch]:
-        """As `act`, in ways of one's own choice."""
+        """As `act`, in ways that the caller chooses."""
         return self._drive(observations, memory, ways, self._knowledge)
 
     def act_when_told(
