@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.progress import track
 
-from benchmarks.generalist import HELD_OUT, pairs
+from benchmarks.generalist import HELD_OUT, unseen
 from benchmarks.result import write_result
 from nathlon.policies.bundled import generalist
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
@@ -133,7 +133,7 @@ def measure(checkpoint: Path) -> pl.DataFrame:
         raise InputError(f"{checkpoint}: has no encoder, expected a policy for any car")
     rng = np.random.default_rng(SEED)
     with tempfile.TemporaryDirectory() as folder:
-        found = pairs(Path(folder), None, 20)
+        found = [pair[1:] for pair in unseen(Path(folder), None, 20)]
         seen = moments(policy, found, rng)
         others = []
         for place in range(OTHERS):

@@ -1,30 +1,34 @@
 """How well one policy drives circuits and cars that it was never trained on.
 
-`python -m benchmarks.generalist --json FILE [CHECKPOINT] [--circuits DIR] [--cars N] [--races N]` takes the
-bundled generalist, or another checkpoint for any pair. Circuits are generated ones of seeds that no training
-draws, or every CSV of a folder of the TUM racetrack database; each with the three cars that nathlon has,
-and N generated cars, each on one of the circuits in turn. The three home pairs of the specialists come first.
+`python -m benchmarks.generalist --json FILE [POLICY] [--circuits DIR] [--cars N] [--tight N] [--races N]`
+takes the bundled generalist, or another policy for any pair. Circuits are generated ones of seeds that no
+training draws, or every CSV of a folder of the TUM racetrack database; each with the three cars that nathlon
+has, and N generated cars, each on one of the circuits in turn. The three home pairs of the specialists come
+first; last N generated circuits on which a tight bend follows a long straight, with the three cars in turn.
 
 `pairs` has a row for each `circuit` and `car`:
 
+- `kind` of circuit: home, its style, tight, or real;
 - `lap_s`: median of the best of two laps from each of 8 rolling starts; null where half of them gave none;
 - `driver_ratio`: over that of the built-in driver, who has planned and practised there; `limit_ratio`: over
   the limit by optimal control, where it is known; `off_course_share` of the time;
 - of N races of eight over two laps, from the last place against built-in drivers at 0.95: `finished`, and
   `wins_from_back`; `contacts_per_km`, and `at_fault_per_km` of those laid to it.
 
-`unseen` sums up the rows but those of the home pairs; `goals` says which are met.
+`unseen` sums up the rows but those of the home pairs and of tight bends, `kinds` those of each kind; `goals`
+says which `unseen` meets.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -41,7 +45,8 @@ from nathlon.policies.bundled import generalist
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.car_family import generate_car, write_car
 from nathlon.sim.errors import InputError
-from nathlon.sim.track.generating import write_generated
+from nathlon.sim.track import CURVATURE, Track
+from nathlon.sim.track.generating import generate_track, write_generated
 from nathlon.sim.track.importing import import_circuit
 from nathlon.sim.track.styles import STYLES
 
@@ -50,39 +55,87 @@ HELD_OUT = 1_000_000
 CIRCUITS = 6
 CARS = ("gt3", "coupe", "prototype")
 HOME = (("lindenring", "gt3"), ("porto-sereno", "coupe"), ("grandes-landes", "prototype"))
+TIGHT_FROM = HELD_OUT + 1000
+"""Seed of the first circuit that is looked at for a tight bend."""
+STRAIGHT_M, STRAIGHT_RADIUS_M, TIGHT_RADIUS_M = 300.0, 1000.0, 40.0
+"""A long straight is so long and bends no more than this; a tight bend has this radius at most."""
+INTO_BEND_M = 100.0
+"""From the end of a straight to where the bend is tightest, at most."""
 OTHERS = f"{DRIVER}:pace=0.95"
 SEED = 4711
 
 Row = dict[str, Any]
 
 
-def pairs(folder: Path, real: Path | None, cars: int) -> list[tuple[str, str]]:
-    """Circuits and cars that no training has seen; files go into a folder."""
+class Pair(NamedTuple):
+    """A kind of circuit, the circuit and the car."""
+
+    kind: str
+    circuit: str
+    car: str
+
+
+def home() -> list[Pair]:
+    """The pairs of the specialists."""
+    return [Pair("home", circuit, car) for circuit, car in HOME]
+
+
+def unseen(folder: Path, real: Path | None, cars: int) -> list[Pair]:
+    """Pairs that no training has seen; files go into a folder."""
     if real is None:
-        styles = list(STYLES)
-        seeds = range(HELD_OUT, HELD_OUT + CIRCUITS)
-        circuits = [str(write_generated(folder, seed, styles[seed % len(styles)])) for seed in seeds]
+        circuits = [_generated(folder, seed) for seed in range(HELD_OUT, HELD_OUT + CIRCUITS)]
     else:
         files = sorted(real.glob("*.csv"))
-        circuits = [str(import_circuit(file, file.stem.lower(), folder).path) for file in files]
+        circuits = [("real", str(import_circuit(file, file.stem.lower(), folder).path)) for file in files]
     if not circuits:
         raise InputError(f"{real}: no CSV file, expected those of circuits")
     made = []
     for place in range(cars):
         path = folder / f"car-{place}.toml"
         write_car(path, generate_car(HELD_OUT + place))
-        made.append((circuits[place % len(circuits)], str(path)))
-    return [(circuit, car) for circuit in circuits for car in CARS] + made
+        made.append(Pair(*circuits[place % len(circuits)], str(path)))
+    return [Pair(*circuit, car) for circuit in circuits for car in CARS] + made
 
 
-def alone(checkpoint: str, circuit: str, car: str) -> Row:
+def tight(folder: Path, count: int) -> list[Pair]:
+    """The first generated circuits on which a tight bend follows a long straight, with the cars in turn."""
+    found: list[Pair] = []
+    seeds = itertools.count(TIGHT_FROM)
+    while len(found) < count:
+        seed = next(seeds)
+        if brakes_hard(generate_track(seed, _style(seed))):
+            found.append(Pair("tight", _generated(folder, seed)[1], CARS[len(found) % len(CARS)]))
+    return found
+
+
+def brakes_hard(track: Track) -> bool:
+    """Whether a tight bend follows a long straight somewhere on the lap."""
+    curvature = np.abs(track.table[:, CURVATURE])
+    straight, into = (round(length / track.spacing) for length in (STRAIGHT_M, INTO_BEND_M))
+    bends = np.flatnonzero(curvature >= 1.0 / STRAIGHT_RADIUS_M)
+    since = np.diff(bends, prepend=bends[-1] - len(curvature))
+    ahead = bends[since >= straight, None] + np.arange(into)
+    return bool((curvature[ahead % len(curvature)] >= 1.0 / TIGHT_RADIUS_M).any())
+
+
+def _style(seed: int) -> str:
+    return list(STYLES)[seed % len(STYLES)]
+
+
+def _generated(folder: Path, seed: int) -> tuple[str, str]:
+    return _style(seed), str(write_generated(folder, seed, _style(seed)))
+
+
+def alone(policy: str, pair: Pair) -> Row:
     """Laps alone, beside those of the built-in driver."""
-    laps, driver = (drive_alone(enter(source, circuit, car), FLYING) for source in (checkpoint, DRIVER))
+    kind, circuit, car = pair
+    laps, driver = (drive_alone(enter(source, circuit, car), FLYING) for source in (policy, DRIVER))
     limit_s = limits().get((circuit, car))
     return {
+        "kind": kind,
         "circuit": Path(circuit).parent.name if circuit.endswith(".toml") else circuit,
         "car": Path(car).stem,
-        "lap_s": _number(laps.lap_s, 3),
+        "lap_s": number(laps.lap_s, 3),
         "driver_ratio": _ratio(laps, driver.lap_s),
         "limit_ratio": None if limit_s is None else _ratio(laps, limit_s),
         "off_course_share": round(laps.off_course_share, 5),
@@ -91,10 +144,11 @@ def alone(checkpoint: str, circuit: str, car: str) -> Row:
 
 
 def _ratio(laps: TimeTrial, other_s: float) -> float | None:
-    return _number(laps.lap_s / other_s, 4)
+    return number(laps.lap_s / other_s, 4)
 
 
-def _number(value: float, digits: int) -> float | None:
+def number(value: float, digits: int) -> float | None:
+    """Rounded; null where it is not finite."""
     return round(value, digits) if math.isfinite(value) else None
 
 
@@ -119,8 +173,8 @@ def summary(rows: Sequence[Row]) -> Row:
     return {
         "pairs": len(rows),
         "no_lap": int(np.isinf(ratios).sum()),
-        "driver_ratio": _number(float(np.median(ratios)), 4),
-        "driver_ratio_worst": _number(float(ratios.max()), 4),
+        "driver_ratio": number(float(np.median(ratios)), 4),
+        "driver_ratio_worst": number(float(ratios.max()), 4),
         "off_course_share": round(float(np.mean([row["off_course_share"] for row in rows])), 5),
         "finished_share": round(sum(row["finished"] for row in rows) / raced, 3),
         "wins_share": round(sum(row["wins_from_back"] for row in rows) / raced, 3),
@@ -141,12 +195,12 @@ def goals(unseen: Row) -> dict[str, bool]:
     }
 
 
-def measure(checkpoint: str, found: Sequence[tuple[str, str]], races: int, workers: int) -> list[Row]:
+def measure(policy: str, found: Sequence[Pair], races: int, workers: int) -> list[Row]:
     """A row for each pair."""
     console = Console(stderr=True)
-    rows = [alone(checkpoint, *pair) for pair in track(found, "Laps alone", console=console)]
+    rows = [alone(policy, pair) for pair in track(found, "Laps alone", console=console)]
     matches: list[Match] = [
-        race_match(enter(checkpoint, *pair), races, OTHERS, seed=SEED + place)
+        race_match(enter(policy, pair.circuit, pair.car), races, OTHERS, seed=SEED + place)
         for place, pair in enumerate(found)
     ]
     ended = track(run_matches(matches, workers), "Races", len(matches), console=console)
@@ -160,24 +214,36 @@ def measure(checkpoint: str, found: Sequence[tuple[str, str]], races: int, worke
 def main() -> None:
     """Measure, and write the JSON."""
     parser = argparse.ArgumentParser(prog="benchmarks.generalist", description="One policy for any car")
-    parser.add_argument("checkpoint", nargs="?", type=Path, help="default: the bundled one")
+    parser.add_argument("policy", nargs="?", help="checkpoint or built-in driver; default: the bundled one")
     parser.add_argument("--circuits", type=Path, help="folder of CSV files; default: generated circuits")
     parser.add_argument("--cars", type=int, default=20, help="generated ones")
+    parser.add_argument("--tight", type=int, default=0, help="circuits with a tight bend after a straight")
     parser.add_argument("--races", type=int, default=5, help="of each pair")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, required=True, help="file for the figures")
     chosen = parser.parse_args()
-    checkpoint = str(chosen.checkpoint or generalist())
+    policy = chosen.policy or str(generalist())
     try:
         with tempfile.TemporaryDirectory() as folder:
-            found = pairs(Path(folder), chosen.circuits, chosen.cars)
-            rows = measure(checkpoint, [*HOME, *found], chosen.races, chosen.workers)
+            new = unseen(Path(folder), chosen.circuits, chosen.cars)
+            found = [*home(), *new, *tight(Path(folder), chosen.tight)]
+            rows = measure(policy, found, chosen.races, chosen.workers)
     except InputError as error:
         parser.error(str(error))
-    unseen = summary(rows[len(HOME) :])
+    whole = summary([row for row in rows if row["kind"] not in ("home", "tight")])
+    kinds = {
+        kind: summary([row for row in rows if row["kind"] == kind])
+        for kind in dict.fromkeys(pair.kind for pair in found)
+    }
     write_result(
         chosen.json,
-        {"checkpoint": Path(checkpoint).stem, "unseen": unseen, "goals": goals(unseen), "pairs": rows},
+        {
+            "checkpoint": enter(policy, *found[0][1:]).name,
+            "unseen": whole,
+            "kinds": kinds,
+            "goals": goals(whole),
+            "pairs": rows,
+        },
     )
 
 

@@ -15,7 +15,7 @@ from nathlon.arena.world import KNOWN, World
 from nathlon.arena.world_finding import RACING, in_folder, with_loader
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.racing import surroundings
-from nathlon.policies.bundled import generalist
+from nathlon.policies.bundled import champion, generalist
 from nathlon.policies.sources import DRIVER, GENERALIST, RANDOM
 from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.battery import BatterySettings
@@ -44,7 +44,8 @@ class NightlySettings(Section):
     """What makes one night comparable with the next, and when a night is no good.
 
     Attributes:
-        anchors: built-in drivers and checkpoints that race every night.
+        anchors: built-in drivers and checkpoints that race every night. Where none are given and no champion
+            comes with nathlon for the circuit and car, the generalist races too.
         incumbents: the best of the nights before that race again.
         max_fault_share: of the car runs and of the new files; beyond it the night fails for its health.
         keep: how long nights keep reports, recordings and replays, such as `"90 days"`; for ever if it is not
@@ -167,7 +168,7 @@ class Config(Section):
         """The configuration with what its world has instead of defaults that are those of our circuits."""
         world = load_world(self.world)
         if world.circuits:
-            return self
+            return self._anchored
         first = world.scenarios[0]
         places = len(world.setup(first).sides)
         objectives = [Objective(name="score", measure="score", source=RACE, goal="max")]
@@ -202,6 +203,18 @@ class Config(Section):
                 "matrix": self.matrix.model_copy(update=matrix),
             }
         )
+
+    @property
+    def _anchored(self) -> Config:
+        """The configuration with an anchor that has learnt, where nothing else that has knows the circuit."""
+        if "anchors" in self.nightly.model_fields_set:
+            return self
+        try:
+            champion(self.circuit, self.car)
+        except InputError:
+            anchors = (*self.nightly.anchors, str(generalist()))
+            return self.model_copy(update={"nightly": self.nightly.model_copy(update={"anchors": anchors})})
+        return self
 
     def _most_races(self, world: World) -> int:
         """Races of the filter that take everybody equally often to each of its sides."""

@@ -10,7 +10,7 @@ import pytest
 
 from nathlon.policies.bundled import BUNDLED, generalist
 from nathlon.selection.battery.skill import SKILLS_FOLDER
-from nathlon.selection.config import read_config
+from nathlon.selection.config import Config, NightlySettings, read_config
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
@@ -109,6 +109,16 @@ def test_names_are_no_paths_but_the_generalists_is_that_of_its_file(tmp_path: Pa
     assert config.checkpoints == (str(tmp_path / "runs"), str(generalist()))
     assert config.nightly.anchors == ("driver", str(generalist()))
     assert generalist().parent.name == "generalist"
+
+
+def test_the_generalist_is_an_anchor_where_no_champion_is_at_home() -> None:
+    baseline = NightlySettings().anchors
+    assert Config(circuit="lindenring", car="gt3").suited.nightly.anchors == baseline
+    elsewhere = Config(circuit="lindenring", car="coupe")
+    assert elsewhere.suited.nightly.anchors == (*baseline, str(generalist()))
+    assert elsewhere.suited.suited == elsewhere.suited
+    chosen = elsewhere.model_copy(update={"nightly": NightlySettings(anchors=("driver",))})
+    assert chosen.suited.nightly.anchors == ("driver",)
 
 
 @pytest.mark.parametrize("field", ["out", "store"])
