@@ -178,6 +178,7 @@ def summary(rows: Sequence[Row]) -> Row:
         "off_course_share": round(float(np.mean([row["off_course_share"] for row in rows])), 5),
         "finished_share": round(sum(row["finished"] for row in rows) / raced, 3),
         "wins_share": round(sum(row["wins_from_back"] for row in rows) / raced, 3),
+        "mean_place": round(sum(row["mean_place"] * row["races"] for row in rows) / raced, 2),
         "at_fault_per_km": round(float(np.mean([row["at_fault_per_km"] for row in rows])), 3),
     }
 
