@@ -3,8 +3,7 @@
 `python -m benchmarks.loose_ground --json FILE [POLICY]` takes the bundled generalist, or another checkpoint
 for any pair. It drives the six generated circuits of `benchmarks.generalist`, with the three cars in turn, on
 grounds that differ in grip and in the slip at which it peaks: on loose ground tyres peak later and flatter
-(Pacejka, Tire and Vehicle Dynamics, 3rd edition, chapter 4), so the car's tyre curve is written anew, and the
-slips at which brakes and traction are eased with it. The built-in driver has practised on each of them.
+(`nathlon.sim.tuning.loosen`). The built-in driver has practised on each of them.
 
 `grounds` has a row for each: `grip`, `peak_slip` as a multiple of that on a dry road; `driver_ratio` and
 `driver_ratio_worst`, median and greatest of the laps over the driver's, by circuit; `no_lap`, on how many
@@ -32,6 +31,7 @@ from nathlon.policies.sources import DRIVER
 from nathlon.sim.car import load_car
 from nathlon.sim.car_family import write_car
 from nathlon.sim.errors import InputError
+from nathlon.sim.tuning import loosen
 
 
 class Ground(NamedTuple):
@@ -55,20 +55,9 @@ GROUNDS = (
 
 def car_on(ground: Ground, car: str, folder: Path) -> str:
     """A car whose tyres are as on a ground; a file of the folder."""
-    fields = load_car(car)
-    factor = ground.peak_slip
-    tyre = fields.tyre.model_copy(
-        update={
-            "peak_slip_ratio": tuple(slip * factor for slip in fields.tyre.peak_slip_ratio),
-            "peak_slip_angle_rad": tuple(slip * factor for slip in fields.tyre.peak_slip_angle_rad),
-            "shape": ground.shape or fields.tyre.shape,
-        }
-    )
-    brakes = fields.brakes.model_copy(update={"abs_slip": fields.brakes.abs_slip * factor})
-    engine = fields.engine.model_copy(update={"traction_slip": fields.engine.traction_slip * factor})
     path = folder / f"{car}-{ground.name.replace(' ', '-')}.toml"
     if not path.exists():
-        write_car(path, fields.model_copy(update={"tyre": tyre, "brakes": brakes, "engine": engine}))
+        write_car(path, loosen(load_car(car), ground.peak_slip, ground.shape))
     return str(path)
 
 

@@ -59,3 +59,27 @@ def fit_compound(car: Car, compound: str) -> Car:
     fitted = with_grip(car, grip)
     worn = {"compound": compound, "wear_j": car.tyre.wear_j / wear}
     return fitted.model_copy(update={"tyre": fitted.tyre.model_copy(update=worn)})
+
+
+def loosen(car: Car, peak_slip: float, shape: float | None = None) -> Car:
+    """The car as on loose ground, where its tyres peak at a larger slip, and flatter.
+
+    Brakes and traction are eased at a larger slip too (Pacejka, Tire and Vehicle Dynamics, 3rd edition,
+    chapter 4, on the shape of the curve).
+
+    Args:
+        car: on a firm road.
+        peak_slip: of the tyres, as a multiple of that.
+        shape: of the magic formula; that of the car without one.
+
+    Raises:
+        InputError: if a field goes out of its range.
+    """
+    fields = car.model_dump()
+    tyre, brakes, engine = fields["tyre"], fields["brakes"], fields["engine"]
+    for name in ("peak_slip_ratio", "peak_slip_angle_rad"):
+        tyre[name] = [slip * peak_slip for slip in tyre[name]]
+    tyre["shape"] = shape or tyre["shape"]
+    brakes["abs_slip"] *= peak_slip
+    engine["traction_slip"] *= peak_slip
+    return checked(fields, Car, f"car {car.name!r} on loose ground")

@@ -107,6 +107,7 @@ class Variety(Section):
         first_seed: of the first circuit and car.
         home: whether the circuits and cars that come with nathlon are among them, each with each.
         slippery: share of the generated ones whose road is wet or worse.
+        loose: share of these whose ground is loose, so that tyres peak at a larger slip, and flatter.
         shipped: share of the generated circuits on which a car that comes with nathlon drives instead.
         held_out: further generated pairs, on which checkpoints are evaluated.
         stint_s: simulated time, s, that a world of the rollouts stays with a pair.
@@ -116,6 +117,7 @@ class Variety(Section):
     first_seed: Annotated[int, Field(ge=0, le=2**40)] = 0
     home: bool = True
     slippery: Annotated[float, Field(ge=0, le=1)] = 0.2
+    loose: Annotated[float, Field(ge=0, le=1)] = 0.0
     shipped: Annotated[float, Field(ge=0, le=1)] = 0.0
     held_out: Annotated[int, Field(ge=1, le=100)] = 6
     stint_s: Annotated[float, Field(gt=0, le=1e6)] = 120.0

@@ -18,6 +18,7 @@ from nathlon.policies.driver import Driver
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import TrainingConfig, Variety
 from nathlon.policies.training.processes import start_processes
+from nathlon.sim.car import load_car
 from nathlon.sim.car_family import PARENTS, generate_car, write_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import SurfaceGrip
@@ -25,6 +26,7 @@ from nathlon.sim.scenario import Scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.track.styles import STYLES
+from nathlon.sim.tuning import loosen
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.whole_file import write_whole
 
@@ -35,6 +37,8 @@ PAIRS = "pairs"
 HOME = ("lindenring", "porto-sereno", "grandes-landes")
 SLIPPERY = (0.6, 0.95)
 """Grip of a wet road, as a multiple of that of a dry one."""
+LOOSE, LATER, FLATTER = (0.22, 0.8), (1.0, 3.5), (1.1, 1.5)
+"""The same of loose ground; by what its tyres peak at a larger slip; shape of their curve."""
 EASY, HARD = 0.05, 1.0
 """Least and greatest weight of a pair in the draw."""
 WELL = 1.05
@@ -206,10 +210,14 @@ def _generated(folder: Path, seed: int, variety: Variety) -> Pair:
     if not circuit.exists():
         write_generated(folder, seed, style)
     slippery = rng.random() < variety.slippery
-    grip = round(float(rng.uniform(*SLIPPERY)), 2) if slippery else 1.0
-    if rng.random() < variety.shipped:
-        return Pair(str(circuit), PARENTS[rng.integers(len(PARENTS))], grip)
-    car = folder / f"car-{seed}.toml"
-    if not car.exists():
-        write_car(car, generate_car(seed))
-    return Pair(str(circuit), str(car), grip)
+    loose = slippery and variety.loose > 0.0 and rng.random() < variety.loose
+    grip = round(float(rng.uniform(*(LOOSE if loose else SLIPPERY))), 2) if slippery else 1.0
+    ground = (float(rng.uniform(*LATER)), float(rng.uniform(*FLATTER))) if loose else None
+    shipped = PARENTS[rng.integers(len(PARENTS))] if rng.random() < variety.shipped else None
+    if shipped and not ground:
+        return Pair(str(circuit), shipped, grip)
+    path = folder / f"car-{seed}.toml"
+    if not path.exists():
+        car = load_car(shipped) if shipped else generate_car(seed)
+        write_car(path, loosen(car, *ground) if ground else car)
+    return Pair(str(circuit), str(path), grip)

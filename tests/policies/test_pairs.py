@@ -22,6 +22,8 @@ from nathlon.policies.training.polish import Polish, Round
 from nathlon.policies.training.processes import start_processes
 from nathlon.policies.training.rollout import tells_pace
 from nathlon.policies.training.trainer import Trainer
+from nathlon.sim.car import load_car
+from nathlon.sim.car_family import PARENTS
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
@@ -170,3 +172,17 @@ def test_a_policy_of_any_pair_is_polished_on_many(
     assert (card.circuit, card.encoder, card.algorithm) == ("any", (6, 4), "QR-SAC, polished")
     before = read_checkpoint(checkpoint)[1]
     assert [name for name, tensor in tensors.items() if np.array_equal(tensor, before[name])] == []
+
+
+def test_on_loose_ground_a_shipped_car_has_tyres_that_peak_later(tmp_path: Path) -> None:
+    seed = 2  # of the style whose circuits are short
+    firm = Variety(pairs=1, slippery=1.0, shipped=1.0)
+    assert pairs._generated(tmp_path, seed, firm).car in PARENTS
+    loose = pairs._generated(tmp_path, seed, firm.model_copy(update={"loose": 1.0}))
+    car = load_car(loose.car)
+    parent = load_car(car.name)
+    factor = car.tyre.peak_slip_ratio[0] / parent.tyre.peak_slip_ratio[0]
+    assert 1.0 < factor < 3.5
+    assert car.tyre.peak_slip_angle_rad[1] == pytest.approx(factor * parent.tyre.peak_slip_angle_rad[1])
+    assert car.tyre.shape < parent.tyre.shape
+    assert 0.22 <= loose.grip <= 0.8
