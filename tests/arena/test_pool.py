@@ -291,11 +291,9 @@ from nathlon.arena.pool import run_matches
 
 if __name__ == "__main__":
     only = enter(sys.argv[1], "lindenring", "gt3")
-    # One is under way when the other has come to its end.
-    long, brief = Race(1, (Seat(0),) * 8), Race(1, (Seat(0),) * 3)
     matches = [
-        Match("", "", name, "lindenring", "gt3", (only.id,), (only.source,), races)
-        for name, races in (("race", (long,) * 32), ("emergency_avoidance", (brief,)))
+        Match("", "", name, "lindenring", "gt3", (only.id,), (only.source,), (Race(1, (Seat(0),) * n),) * 32)
+        for name, n in (("race", 8), ("emergency_avoidance", 3))
     ]
     for match, results in run_matches(matches, 2):
         print(*(child.pid for child in multiprocessing.active_children()), flush=True)
@@ -379,7 +377,7 @@ def _end_by(sent: signal.Signals, script: Path, temporary: Path, monkeypatch: py
         assert workers
         process.send_signal(sent)
         process.wait(60.0)
-    end = time.monotonic() + 10.0  # less than what they were at takes
+    end = time.monotonic() + 10.0
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(alive, workers))
