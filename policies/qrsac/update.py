@@ -15,6 +15,7 @@ from torch import Tensor
 
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.dropout import dropout_factors
+from nathlon.policies.qrsac.gradients import gradient_and_value, pulled_back
 from nathlon.policies.qrsac.networks import Perceptron, squashed_normal
 from nathlon.policies.qrsac.recurrent import RecurrentNetwork
 from nathlon.policies.replay_buffer.passages import PassageBatch, Windows
@@ -228,19 +229,19 @@ class Update:
         """The state after one update of critics, policy (against the new critics) and targets."""
         config = self.config
         targets = self.targets(state, pace.alpha, batch, noise)
-        estimates, pull_back, *_ = torch.func.vjp(
+        estimates, pull_back = pulled_back(
             lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
         )
         critic_loss, slope = self._loss(estimates, targets)
-        (gradient,) = pull_back(slope)
+        gradient = pull_back(slope)
         norm = gradient.square().sum().sqrt()
         gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
         critic, critic_mean, critic_square = _adam(
             state.critic, state.critic_mean, state.critic_square, gradient, pace.critic, pace.square
         )
 
-        gradient, (policy_loss, log_density) = torch.func.grad_and_value(self.policy_loss, has_aux=True)(
-            state.policy, critic, pace.alpha, batch, noise
+        gradient, (policy_loss, log_density) = gradient_and_value(
+            lambda policy: self.policy_loss(policy, critic, pace.alpha, batch, noise), state.policy
         )
         policy, policy_mean, policy_square = _adam(
             state.policy, state.policy_mean, state.policy_square, gradient, pace.policy, pace.square

@@ -376,7 +376,7 @@ def _end_by(sent: signal.Signals, script: Path, temporary: Path, monkeypatch: py
         workers = [int(pid) for pid in process.stdout.readline().split()]
         assert workers
         process.send_signal(sent)
-        process.wait(10.0)
+        process.wait(60.0)
     end = time.monotonic() + 10.0
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)

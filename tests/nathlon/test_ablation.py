@@ -7,6 +7,8 @@ import json
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -151,8 +153,8 @@ def modified(out: Path) -> dict[Path, int]:
 
 
 @pytest.fixture(scope="module")
-def out(toml: Path, base: TrainingConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An ablation that was stopped in its second run, and went on."""
+def ablation(toml: Path, base: TrainingConfig, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder of an ablation that was stopped in its second run, and went on; what it then printed."""
     out = tmp_path_factory.mktemp("ablation")
     first, second = plan(configurations(base, CHOSEN), SEEDS, out)[:2]
     first.trainer().run(lambda status: None)
@@ -165,11 +167,17 @@ def out(toml: Path, base: TrainingConfig, tmp_path_factory: pytest.TempPathFacto
         second.trainer().run(stop)
     assert not second.finished
     before = modified(out)
-    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
+    with redirect_stdout(StringIO()) as printed:
+        ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
     after = modified(out)
     assert {path: after[path] for path in before} == before
     assert len(after) == (1 + len(CHOSEN)) * SEEDS * len(CHECKPOINTS)
-    return out
+    return out, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def out(ablation: tuple[Path, str]) -> Path:
+    return ablation[0]
 
 
 def test_the_table_has_a_row_for_each_checkpoint(out: Path) -> None:
@@ -219,9 +227,13 @@ def test_the_figure_names_every_variant(out: Path) -> None:
         assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 10
 
 
-def test_the_same_command_again_trains_nothing(toml: Path, out: Path) -> None:
+def test_the_same_command_again_trains_nothing_and_has_the_same_to_tell(
+    toml: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     before, figure = modified(out), (out / "ablation.svg").read_bytes()
-    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
+    written = pl.read_csv(out / "effects.csv", schema_overrides=EFFECTS)
+    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1, as_json=True)
+    assert json.loads(capsys.readouterr().out)["differences"] == written.to_dicts()
     assert modified(out) == before
     assert (out / "ablation.svg").read_bytes() == figure
 
@@ -308,13 +320,8 @@ def test_a_seed_without_a_lap_leaves_no_difference(
     assert (row["seeds"], row["difference"], row["low"], row["high"]) == (2, None, None, None)
 
 
-def test_the_differences_are_written_and_printed(
-    toml: Path, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
-    printed = capsys.readouterr().out
+def test_the_differences_are_written_and_printed(ablation: tuple[Path, str]) -> None:
+    out, printed = ablation
     written = pl.read_csv(out / "effects.csv", schema_overrides=EFFECTS)
     assert written["variant"].to_list() == [name for name in CHOSEN for _ in range(2)]
     assert all(name in printed for name in CHOSEN)
-    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1, as_json=True)
-    assert json.loads(capsys.readouterr().out)["differences"] == written.to_dicts()

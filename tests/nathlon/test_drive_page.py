@@ -89,7 +89,7 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
         keyboard.press("c")
         drive.page.wait_for_timeout(200)
         drive.picture(name)
-    assert drive.page.locator("#map").is_visible()
+    drive.page.locator("#map").wait_for(state="visible")
     keyboard.press("p")
     drive.until("document.getElementById('pause').open")
     assert serious(drive.page) == []

@@ -7,9 +7,13 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 
 import pytest
+
+from tests.support import forked
 
 pytestmark = pytest.mark.takes_long
 
@@ -20,11 +24,23 @@ BLOCK = re.compile(
 )
 
 
+PLAIN = re.compile(r"nathlon [\w ./=-]+")
+"""A command of which a shell would change nothing."""
+
+
+def parts(block: str) -> Iterator[str]:
+    """The plain commands of a shell block, and what is between them."""
+    for plain, lines in groupby(block.splitlines(), lambda line: bool(PLAIN.fullmatch(line))):
+        if plain:
+            yield from lines
+        else:
+            yield "\n".join(lines)
+
+
 def follow(page: str, folder: Path) -> str:
     """Save the files that a page names and run its shell blocks in a folder; what they print."""
     # As after the tutorial's `. .venv/bin/activate`; one thread and one worker, as tests run side by side.
     environment = {
-        **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "OMP_NUM_THREADS": "1",
     }
@@ -34,16 +50,23 @@ def follow(page: str, folder: Path) -> str:
             alone = "workers = 1\n" if block["file"].endswith(".toml") else ""
             (folder / block["file"]).write_text(alone + block["text"], "utf-8")
         elif block["language"] == "sh" and not block["skip"]:
-            run = subprocess.run(
-                ["bash", "-e", "-c", block["text"]],
-                cwd=folder,
-                env=environment,
-                capture_output=True,
-                text=True,
-            )
-            assert run.returncode == 0, f"{block['text']}\n{run.stdout}\n{run.stderr}"
-            printed += run.stdout
+            for part in parts(block["text"]):
+                done = _run(part, folder, environment)
+                assert done.returncode == 0, f"{part}\n{done.stdout}\n{done.stderr}"
+                printed += done.stdout
     return printed
+
+
+def _run(part: str, folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    if PLAIN.fullmatch(part):
+        return forked.run(*part.split()[1:], cwd=folder, **environment)
+    return subprocess.run(
+        ["bash", "-e", "-c", part],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,11 @@ CONFIG = """\
 seed = 5
 recordings = "all"
 [pareto]
+scenario = "slipstream_pass"
 races = 1
 most_races = 1
+keep_probability = 0.0
+opponents = ["driver:pace=0.9"]
 [battery]
 tests = ["pass_left"]
 runs = 2
