@@ -15,7 +15,8 @@ TOLD = """([zones, progress, penalty]) => {
   const none = { lap: NaN, lastLap: NaN, bestLap: NaN };
   const frame = { laps: 0, gear: 1, rpm: 0, steering: 0, warnings: 0, penalty, cars, ...none };
   const race = { choice: { laps: 1 }, cars: [{ name: "driver", colour: "#fff" }] };
-  const hud = HUD({ race, scene: { lap: 1000, rpm: 7000, ground: [[], [], zones] }, reference: { delta: () => null } });
+  const scene = { lap: 1000, rpm: 7000, ground: [[], [], zones] };
+  const hud = HUD({ race, scene, reference: { delta: () => null } });
   hud.draw(frame, 0, 1000);
   return [...document.querySelectorAll(".row:has(.zone)")].map((row) => row.lastChild.textContent);
 }"""
