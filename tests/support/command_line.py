@@ -23,7 +23,7 @@ class Done(NamedTuple):
 
 
 def nathlon(*arguments: str | Path, cwd: Path, stops: bool = False) -> Done:
-    """Call the entry point of the console script; unless it `stops` by itself, what stops it stops the tests."""
+    """Call the console script; what stops it stops the tests, unless it `stops` by itself."""
     with (
         chdir(cwd),
         redirect_stdout(StringIO()) as stdout,
