@@ -13,6 +13,7 @@ from openpyxl import load_workbook
 import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
+from nathlon.results.words import percent
 from nathlon.selection.answers import ALIKE, remarks
 from nathlon.selection.config import read_config
 from nathlon.selection.field import EntryList
@@ -69,9 +70,7 @@ def test_the_better_policy_is_sent_from_a_duel(tmp_path: Path, players: list[str
     assert least < first.mean <= most
     told = result.verdict.sentences[1]
     assert f"It scored {first.mean:.2f} {what}an episode on average (95 % interval " in told
-    assert (
-        f"won {100 * first.won:.0f} %, drew {100 * first.drawn:.0f} %, lost {100 * first.lost:.0f} %" in told
-    )
+    assert f"won {percent(first.won)}, drew {percent(first.drawn)}, lost {percent(first.lost)}" in told
 
 
 def test_it_is_said_where_all_pairs_come_out_alike() -> None:
