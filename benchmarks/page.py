@@ -16,6 +16,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from benchmarks.result import RESULTS, Result, read_result
+from nathlon.results.words import stage_called
 from nathlon.sim.whole_file import whole_file
 
 HERE = Path(__file__).parent
@@ -50,7 +51,7 @@ def rate(rate: float | None, low: float | None, high: float | None) -> str:
     """A rate a kilometre with its interval, where it has one."""
     if rate is None:
         return ""
-    return f"{rate:.2f}" if low is None else f"{rate:.2f} ({low:.2f}-{high:.2f})"
+    return f"{rate:.2f}" if low is None else f"{rate:.2f} ({low:.2f} to {high:.2f})"
 
 
 def each_car(figures: Figures) -> list[tuple[str, str, Figures]]:
@@ -88,7 +89,7 @@ def mean_of(values: Iterable[float]) -> float:
 def middle_and_ends(three: Sequence[float], digits: int) -> str:
     """A median with the tenth and ninetieth percentile."""
     middle, low, high = (f"{value:,.{digits}f}" for value in three)
-    return f"{middle} ({low}-{high})"
+    return f"{middle} ({low} to {high})"
 
 
 def signed(figures: Figures, name: str, digits: int) -> str:
@@ -154,6 +155,7 @@ def page(results: Mapping[str, Result]) -> str:
         "tally": tally,
         "foreseen": foreseen,
         "in_all": in_all,
+        "stage_called": stage_called,
     }
     environment.globals |= {
         "rate": rate,

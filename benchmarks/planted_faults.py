@@ -21,6 +21,7 @@ from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.speed_profile import profile
 from nathlon.policies.policy import Batch, Policy
 from nathlon.results.coach import CauseKind
+from nathlon.results.words import percent
 from nathlon.sim.car import load_car
 from nathlon.sim.track import load_track
 
@@ -157,7 +158,7 @@ def _faults() -> list[Fault]:
             for share in (0.95, 0.9)
         ),
         *(
-            Fault(f"grip trusted {share:.0%}", "bends", line(grip=share), ("minimum_speed",))
+            Fault(f"grip trusted {percent(share)}", "bends", line(grip=share), ("minimum_speed",))
             for share in (0.9, 0.8)
         ),
         *(Fault(f"braking {m} m early", "brakings", early(m), ("braking_early",)) for m in (15, 30)),
@@ -166,7 +167,7 @@ def _faults() -> list[Fault]:
             for m in (8, 12)
         ),
         *(
-            Fault(f"brakes at {share:.0%}", "brakings", brakes(share), ("entry_speed", "braking_late"))
+            Fault(f"brakes at {percent(share)}", "brakings", brakes(share), ("entry_speed", "braking_late"))
             for share in (0.85, 0.75)
         ),
         *(
@@ -174,10 +175,10 @@ def _faults() -> list[Fault]:
             for m in (20, 35)
         ),
         *(
-            Fault(f"throttle at most {share:.0%}", "straights", most(share), ("lifting",))
+            Fault(f"throttle at most {percent(share)}", "straights", most(share), ("lifting",))
             for share in (0.8, 0.9)
         ),
-        *(Fault(f"{width:.0%} of the road", "bends", line(width), ("line",)) for width in (0.6, 0.3)),
+        *(Fault(f"{percent(width)} of the road", "bends", line(width), ("line",)) for width in (0.6, 0.3)),
     ]
 
 

@@ -1,8 +1,8 @@
 """Which pixels move the steering of a policy that sees, for docs/training.md.
 
-Run as `python -m benchmarks.saliency [--out FILE] [CHECKPOINT]`, by default with the newest of
-`benchmarks.ladders.sight`. It drives a lap alone and follows another car. Of twelve moments the sheet has the
-picture, and below it how strongly each pixel moves the steering: the gradient's greatest part over its
+Run as `python -m benchmarks.saliency [--out FILE] [CHECKPOINT]`, by default with the one that comes with
+nathlon for the Lindenring. It drives a lap alone and follows another car. Of twelve moments the sheet has
+the picture, and below it how strongly each pixel moves the steering: the gradient's greatest part over its
 colours, averaged over the steering angles that noise of ten of 255 leads to (Smilkov et al., 2017).
 """
 
@@ -17,10 +17,10 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.ladders import ladder
 from nathlon.arena.entrant import enter
 from nathlon.arena.runner import run_match
 from nathlon.arena.single_race import single_race
+from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import SeeingPolicy, read_checkpoint
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Batch, Observations
@@ -29,6 +29,7 @@ from nathlon.policies.sources import DRIVER
 from nathlon.sim.observation import NUMBERS, PICTURE
 
 OUT = Path(__file__).parent.parent / "docs" / "images" / "saliency.png"
+CHECKPOINT = BUNDLED / "sight" / "lindenring-sight-races-005k.safetensors"
 ALONE, TOGETHER = ("time_trial", 8), ("following", 4)
 """Scenarios, and how many moments are taken of each."""
 COLUMNS, GAP, PIXEL = 4, 6, (4, 3)
@@ -97,7 +98,7 @@ def main() -> None:
     """Draw the sheet."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("--out", type=Path, default=OUT, metavar="FILE")
-    parser.add_argument("checkpoint", nargs="?", type=Path, default=ladder("sight")[-1])
+    parser.add_argument("checkpoint", nargs="?", type=Path, default=CHECKPOINT)
     chosen = parser.parse_args()
     pictures = []
     for scenario, count in (ALONE, TOGETHER):

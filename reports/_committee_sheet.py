@@ -10,6 +10,7 @@ import polars as pl
 from nathlon.reports._sheets import ENTRANT, RANK, Column, write_sheet
 from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
+from nathlon.results.words import percent
 
 LETTERS = 1.1
 """Of a sentence in a line, for each digit that is as wide."""
@@ -63,7 +64,7 @@ def write_committee_sheet(workbook: Any, selection: Selection) -> None:
 
 
 def _how_to_read(selection: Selection) -> str:
-    confidence = f"{selection.summary.confidence:.0%}"
+    confidence = percent(selection.summary.confidence)
     return (
         "Rank: from 1 + the number of entrants proven better to the last place before those proven worse. "
         f"Intervals: {confidence}, of one entrant. All figures are of the round robin. Files: last sheet."

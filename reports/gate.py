@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 from nathlon.arena.decision import Decision
 from nathlon.results.gate import GateFinding, GateReport
+from nathlon.results.words import percent
 from nathlon.sim.whole_file import write_whole
 
 MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
@@ -62,7 +63,7 @@ def markdown(report: GateReport) -> str:
         lines += ["", *(f"- {escaped(note)}" for note in candidate.notes), ""]
     lines.append(
         f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. "
-        f"A candidate that is worse by a margin passes with probability {report.alpha:.0%} at most."
+        f"A candidate that is worse by a margin passes with probability {percent(report.alpha)} at most."
     )
     return "\n".join(lines) + "\n"
 

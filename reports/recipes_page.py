@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +12,24 @@ import polars as pl
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
 from nathlon.results.recipes import too_few
+from nathlon.results.words import percent
 from nathlon.sim.whole_file import write_whole
 
 FEW = 5
 """Runs below which little is known of how they vary (Agarwal et al., 2021)."""
 CELLS = (
-    ("points", "Points a race", "{:+.1f}"),
-    ("iqm", "IQM", "{:+.1f}"),
-    ("gap", "Shortfall", "{:.1f}"),
-    ("better", "Better", "{:.0%}"),
-    ("at_fault_per_km", "At fault / km", "{:.2f}"),
+    ("points", "Points a race", "{:+.1f}".format),
+    ("iqm", "IQM", "{:+.1f}".format),
+    ("gap", "Shortfall", "{:.1f}".format),
+    ("better", "Better", percent),
+    ("at_fault_per_km", "At fault / km", "{:.2f}".format),
 )
-"""What the tables show of RECIPES: column, heading and format."""
+"""What the tables show of RECIPES: column, heading and how a figure is written."""
 
 
 def cells(row: dict[str, Any]) -> list[str]:
     """The figures of a row of RECIPES with their intervals, in the order of `CELLS`."""
-    return [_interval(row, name, shape) for name, _, shape in CELLS]
+    return [_interval(row, name, written) for name, _, written in CELLS]
 
 
 def headline(recipes: pl.DataFrame) -> str:
@@ -105,9 +106,9 @@ def render_recipes(
     )
 
 
-def _interval(row: dict[str, Any], name: str, shape: str) -> str:
+def _interval(row: dict[str, Any], name: str, written: Callable[[float], str]) -> str:
     value, low, high = (row[f"{name}{bound}"] for bound in ("", "_low", "_high"))
     if value is None:
         return ""
-    text = shape.format(value)
-    return text if low is None else f"{text} ({shape.format(low)} to {shape.format(high)})"
+    text = written(value)
+    return text if low is None else f"{text} ({written(low)} to {written(high)})"

@@ -19,6 +19,7 @@ from nathlon.reports._sheets import (
     ORANGES,
     ORIGIN,
     RANK,
+    TEXT,
     Column,
     add_table,
     write_cell,
@@ -273,10 +274,13 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     facts += [(f"Version of {name}", version) for name, version in sorted(summary.versions.items())]
     look: dict[str, Any] = {"align": "left"}
     sheet = add_table(workbook, "Run", [("Fact", look), ("Value", look)], len(facts))
-    left = workbook.add_format(look)
+    sheet.fit_to_pages(1, 1)
+    left, rounded = (workbook.add_format({**look, "num_format": form}) for form in (TEXT, "0.00"))
+    wrapped = workbook.add_format({**look, "text_wrap": True})
     sheet.freeze_panes(1, 0)
     sheet.set_column(0, 0, 36)
-    sheet.set_column(1, 1, 48)
+    sheet.set_column(1, 1, 60)
     for row, (fact, value) in enumerate(facts, start=1):
         sheet.write_string(row, 0, fact if summary.circuit else _in_words(fact, summary))
-        write_cell(sheet, row, 1, value, left)
+        form = wrapped if isinstance(value, str) else rounded if isinstance(value, float) else left
+        write_cell(sheet, row, 1, value, form)

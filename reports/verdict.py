@@ -11,7 +11,7 @@ import polars as pl
 from nathlon.arena.voids import is_void
 from nathlon.results.selection import Selection
 from nathlon.results.summary import CandidateStanding, Decided, Summary
-from nathlon.results.words import AUTOMATIC, STAGES, counted
+from nathlon.results.words import AUTOMATIC, STAGES, counted, interval, percent
 
 Row = Mapping[str, Any]
 
@@ -62,7 +62,7 @@ def _judged(selection: Selection) -> Verdict:
         proof: tuple[str, ...] = (_alone(selection, entrant),)
     else:
         candidates = {standing.entrant for standing in decision.standings}
-        confidence = f"{selection.summary.confidence:.0%} interval"
+        confidence = f"{percent(selection.summary.confidence)} interval"
         proof = (_proof(own, ranking, candidates, confidence, selection.summary), *_conduct(selection, own))
     better = _better_anchors(selection, {standing.entrant for standing in decision.standings})
     clauses = [f"{_listed(better, 'and')} {'is' if len(better) == 1 else 'are'} better"] if better else []
@@ -169,17 +169,15 @@ def _why_not(row: Row, candidates: set[str]) -> str:
 
 
 def _points(row: Row, confidence: str, summary: Summary) -> str:
-    interval = _interval(row["points_low"], row["points_high"], 1)
-    within = interval and f" ({confidence} {interval})"
+    within = _within(row["points_low"], row["points_high"], ".1f", confidence)
     if not row["races"]:
         return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
     raced = counted(row["races"], summary.episode, summary.episodes)
     number = f"{raced} of the {STAGES['tournament']}"
     if row["mean"] is not None:
-        within = _interval(row["mean_low"], row["mean_high"], 2)
-        within = within and f" ({confidence} {within})"
+        within = _within(row["mean_low"], row["mean_high"], ".2f", confidence)
         what = "points " if summary.brings == "points" else ""
-        shares = f"won {row['won']:.0%}, drew {row['drawn']:.0%}, lost {row['lost']:.0%}"
+        shares = f"won {percent(row['won'])}, drew {percent(row['drawn'])}, lost {percent(row['lost'])}"
         return f"{row['mean']:.2f} {what}{summary.an_episode} on average{within} in {number} ({shares})"
     return f"{row['points_per_race']:.1f} points {summary.an_episode}{within} in {number}"
 
@@ -192,10 +190,10 @@ def _manners(row: Row) -> str:
     faults = _faults(row)
     if row["contacts_per_km"] is None:
         return f"Its contact rate is unknown.{faults}"
-    interval = _interval(row["contacts_low"], row["contacts_high"], 2)
     blame = row["at_fault_per_km"]
     blamed = "" if blame is None else f", {blame:.2f} per km at fault"
-    touched = f"{row['contacts_per_km']:.2f} contacts per km{interval and f' ({interval})'}"
+    within = _within(row["contacts_low"], row["contacts_high"], ".2f")
+    touched = f"{row['contacts_per_km']:.2f} contacts per km{within}"
     return f"There its cars had {touched}{blamed}.{faults}"
 
 
@@ -206,8 +204,10 @@ def _barred(ranking: Sequence[Row]) -> str:
     return f"Barred for contacts: {_listed(barred, 'and')}."
 
 
-def _interval(low: float | None, high: float | None, digits: int) -> str:
-    return "" if low is None or high is None else f"{low:.{digits}f}–{high:.{digits}f}"
+def _within(low: float | None, high: float | None, form: str, called: str = "") -> str:
+    """An interval in brackets, after what it is called; nothing where it is not known."""
+    within = interval(low, high, form)
+    return within and f" ({called}{called and ' '}{within})"
 
 
 def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> Verdict:
@@ -266,11 +266,11 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
     first = battery.filter(pl.col("rank") == 1).sort(["points", "name"], descending=[True, False])
     leader = first.row(0, named=True)
     tied = "" if first.height == 1 else f", statistically tied with {counted(first.height - 1, 'other')}"
-    interval = _interval(leader["points_low"], leader["points_high"], 0)
+    confidence = f"{percent(selection.summary.confidence)} interval"
     return (
         went,
-        f"In the n-athlon {leader['name']} is first with {leader['points']:,.0f} points "
-        f"({selection.summary.confidence:.0%} interval {interval}){tied}.",
+        f"In the n-athlon {leader['name']} is first with {leader['points']:,.0f} points"
+        f"{_within(leader['points_low'], leader['points_high'], '.0f', confidence)}{tied}.",
         _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts(), selection.summary),
     )
 

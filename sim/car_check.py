@@ -48,8 +48,8 @@ def _of_the_body(car: Car) -> list[str]:
     front = body.rear_axle_m / wheelbase
     if not LIGHTEST_AXLE <= front <= 1.0 - LIGHTEST_AXLE:
         said.append(
-            f"body.front_axle_m, body.rear_axle_m: {front:.0%} of the weight is in front, "
-            f"expected {LIGHTEST_AXLE:.0%} to {1.0 - LIGHTEST_AXLE:.0%}"
+            f"body.front_axle_m, body.rear_axle_m: {100 * front:.0f} % of the weight is in front, "
+            f"expected {100 * LIGHTEST_AXLE:.0f} to {100 * (1.0 - LIGHTEST_AXLE):.0f} %"
         )
     if car.fuel.capacity_kg >= 0.1 * body.mass_kg:
         said.append(f"fuel.capacity_kg is {car.fuel.capacity_kg:g}, expected less than a tenth of the mass")

@@ -19,6 +19,7 @@ from scipy.special import fdtrc, logsumexp
 from nathlon.arena.results import RATINGS, TOURNAMENT_NOTES
 from nathlon.arena.rounding import differing, levelled
 from nathlon.arena.statistics import Floats, holm
+from nathlon.results.words import percent
 from nathlon.tournament.bradley_terry import bradley_terry
 from nathlon.tournament.evidence import UNIT, Evidence
 from nathlon.tournament.nash import nash_weights
@@ -198,5 +199,5 @@ def _mixture(evidence: Evidence, difference: Floats, called: list[str]) -> list[
     payoff[first, second], payoff[second, first] = difference, -difference
     weights = nash_weights(payoff).round(2)
     mixed = [int(entrant) for entrant in np.argsort(-weights, kind="stable") if weights[entrant] > 0]
-    told = [f"{called[entrant]} {weights[entrant]:.0%}" for entrant in mixed]
+    told = [f"{called[entrant]} {percent(weights[entrant])}" for entrant in mixed]
     return [f"Nobody scores more points against a mixture of {', '.join(told)} (Nash averaging)."]

@@ -212,7 +212,7 @@ def _repeats(played: Sequence[Played]) -> tuple[str, str]:
         "An episode with the same seed and seats repeats to the bit.",
         f"Compared were {len(played)} episodes on {seeds} seeds in turn ({steps:,} observations, scores and "
         "ends), and two in another process with another hash seed: what shows in less than "
-        f"{min(3 / again, 1):.0%} of the episodes may stay unseen.",
+        f"{100 * min(3 / again, 1):.0f} % of the episodes may stay unseen.",
     )
 
 

@@ -20,6 +20,7 @@ from nathlon.policies.training.log import Status
 from nathlon.policies.training.run_folder import read_run_folder
 from nathlon.policies.training.trainer import Device, Trainer
 from nathlon.policies.training.worker_pool import MakeWorkers, local_workers
+from nathlon.results.words import percent
 from nathlon.sim.data_file import find_data
 from nathlon.sim.errors import InputError
 from nathlon.sim.folder_lock import sole_user
@@ -118,7 +119,9 @@ def train(
 
             def on_status(status: Status) -> None:
                 lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
-                note = f"{status.updates_per_s:.0f}/s, {lap}, {status.off_course_share:.1%} off course"
+                note = (
+                    f"{status.updates_per_s:.0f}/s, {lap}, {percent(status.off_course_share, 1)} off course"
+                )
                 bars.update(task, completed=status.updates, note=note)
 
             def on_pair(ready: int, count: int) -> None:

@@ -11,7 +11,7 @@ import typer
 from nathlon.commands.groups import NAMES, CommandGroup
 from nathlon.commands.options import AsJson, StoreName
 from nathlon.results.ranks import written_rank
-from nathlon.results.words import STAGES, figure
+from nathlon.results.words import STAGES, figure, percent
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -253,11 +253,6 @@ def _print(decision: CommitteeDecision) -> None:
         say(f"  Agreement of the members: {result.agreement:.2f} ({meaning})")
 
 
-def _percent(share: float | None, digits: int = 0) -> str:
-    """A share as it is written everywhere; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.{digits}f} %"
-
-
 def _standings(decision: CommitteeDecision) -> Table:
     """Evidence and standing of every candidate, from first to last."""
     from rich.text import Text
@@ -278,9 +273,9 @@ def _standings(decision: CommitteeDecision) -> Table:
             written_rank(row["rank"], row.get("worst_rank")),
             figure(row["contacts_per_km"]),
             figure(row["at_fault_per_km"]),
-            _percent(row["off_course_share"], 1),
+            percent(row["off_course_share"], 1),
             str(row["faults"]),
             f"{standing.approved_by}/{result.ballots}",
-            _percent(standing.favour),
+            percent(standing.favour),
         )
     return table

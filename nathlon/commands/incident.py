@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.options import AsJson, Recording
+from nathlon.results.words import percent
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import say, tell
@@ -58,7 +59,7 @@ def incident(
     assert passed is not None, "an incident is passed or failed"
     facts = {"test": path, "happened": frozen.happened.text, "begins": f"{before_s:g} s before"}
     tell(
-        facts | {"passed": f"{measure} at most {passed.at_most:g} in {passed.share:.0%} of {runs} runs"},
+        facts | {"passed": f"{measure} at most {passed.at_most:g} in {percent(passed.share)} of {runs} runs"},
         as_json,
     )
     if not as_json:

@@ -26,7 +26,7 @@ from nathlon.commands.options import (
 )
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
-from nathlon.results.words import figure
+from nathlon.results.words import figure, percent
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
@@ -277,13 +277,13 @@ def _print_ranking(summary: Summary) -> None:
     heads += [summary.episodes.capitalize()] if met else []
     times = {one.entrant: one for one in summary.action_times}
     heads += ["Action, ms", "Model, MB"] if times else []
-    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
+    table = new_table(f"{'Round robin' if met else 'N-athlon'} with 95 % intervals", heads)
     for row in ranking:
         cells = [row.written_rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
             cells.append(figure(row.mean, row.mean_low, row.mean_high))
-            cells += ["–" if share is None else f"{share:.0%}" for share in shares]
+            cells += map(percent, shares)
         else:
             cells.append(figure(row.points_per_race, row.points_low, row.points_high))
         if touches:

@@ -45,9 +45,20 @@ def counted(number: int, what: str, several: str = "") -> str:
     return f"{number:,} {what if number == 1 else several or what + 's'}"
 
 
+def percent(share: float | None, digits: int = 0) -> str:
+    """A share in per cent; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.{digits}f} %"
+
+
+def interval(low: float | None, high: float | None, form: str = ".2f") -> str:
+    """An interval by its bounds; nothing where it is not known."""
+    return "" if low is None or high is None else f"{low:{form}} to {high:{form}}"
+
+
 def figure(
     value: float | None, low: float | None = None, high: float | None = None, form: str = ".2f"
 ) -> str:
     """A figure with its interval, if it is known; what the races could not tell is a dash."""
     shown = "–" if value is None else format(value, form)
-    return shown if low is None or high is None else f"{shown} ({low:{form}} to {high:{form}})"
+    within = interval(low, high, form)
+    return f"{shown} ({within})" if within else shown

@@ -189,7 +189,7 @@ def _heights(lap: LapLine, road: Road) -> tuple[NDArray[np.float64], str, tuple[
     if slope[steepest] > STEEPEST:
         raise InputError(
             f"{_place(road, steepest)} a bridge over the road itself would need a slope of "
-            f"{slope[steepest]:.0%}, expected at most {STEEPEST:.0%}"
+            f"{100 * slope[steepest]:.0f} %, expected at most {100 * STEEPEST:.0f} %"
         )
     bridges = len(road.crossings)
     profile = f"level but for {bridges} {'bridge' if bridges == 1 else 'bridges'}" if bridges else "level"

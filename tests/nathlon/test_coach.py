@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,12 @@ import nathlon
 from nathlon.api.coach import CoachResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
+from nathlon.lab.coach.coach import Coach
 from nathlon.lab.coach.driving import Jolt, Rider, TrialPlan
 from nathlon.lab.coach.edits import Edit
 from nathlon.lab.coach.lap import laps_of
 from nathlon.lab.coach.proof import ProofWindow, try_edits
+from nathlon.lab.coach.reference import Reference
 from nathlon.results.coach import CoachFacts
 from tests.support.command_line import nathlon as command
 from tests.support.command_line import refused
@@ -146,6 +149,18 @@ def test_against_itself_nothing_is_lost(early: tuple[Path, float], tmp_path: Pat
     assert not any(one.kind == "line" for one in (*facts.advice, *facts.alternatives))
 
 
+def test_where_a_penalty_is_served_nobody_is_told_to_drive_faster(
+    log: RaceLog, usual: tuple[Path, float]
+) -> None:
+    samples = log.samples.copy()
+    samples["penalty_s"][:, 0] = np.linspace(9.0, 8.0, len(samples))
+    faster = Reference("driver", "recording", laps_of(read_recording(usual[0]), 0)[0], None)
+    facts = Coach(replace(log, samples=samples), 0, faster).work(lambda done, total: None).facts
+    assert {tuple(cause.kind for cause in one.causes) for one in facts.sections} == {("penalty",)}
+    assert facts.advice == ()
+    assert {one.unproved for one in facts.attempts} == {"a penalty is served there"}
+
+
 def test_what_cannot_be_coached_is_refused(early: tuple[Path, float], tmp_path: Path) -> None:
     oval = tmp_path / "oval.mcap"
     write_recording(oval, oval_race(2))
@@ -185,8 +200,11 @@ def test_the_page_shows_what_was_found_and_goes_there(
     colours = page.locator(".piece").evaluate_all("all => all.map((one) => getComputedStyle(one).stroke)")
     assert len(set(colours)) > 20
     lost = [one.lost_s for one in facts.sections]
-    assert page.locator(f".label[data-section='{lost.index(max(lost))}']").count() == 1
-    assert not re.search(r"-0\.0+\b", page.locator("main").inner_text())
+    assert page.locator(f".bend[data-section='{lost.index(max(lost))}']").count() == 1
+    # The names stand beside their bends, each at another place.
+    boxes = [label.bounding_box() for label in page.locator("#map .bend circle").all()]
+    assert len({round(box["x"]) for box in boxes if box}) > len(boxes) / 2
+    assert not re.search(r"[-−]0\.0+\b", page.locator("main").inner_text())
     last = facts.advice[-1]
     page.locator(".advice .look").last.click()
     assert page.locator("#range").inner_text().startswith(last.section)
@@ -196,7 +214,7 @@ def test_the_page_shows_what_was_found_and_goes_there(
     page.locator("#whole").click()
     assert page.locator("path.edited").count() == 0
     bend = next(number for number, one in enumerate(facts.sections) if one.kind != "straight")
-    label = page.locator(f".label[data-section='{bend}']")
+    label = page.locator(f".bend[data-section='{bend}']")
     label.focus()
     page.keyboard.press("Enter")
     assert page.locator("#range").inner_text().startswith(facts.sections[bend].name)

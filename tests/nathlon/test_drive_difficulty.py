@@ -117,7 +117,7 @@ def test_levels_follow_each_other_and_every_car_is_told(tmp_path: Path) -> None:
     assert made.forecast is None
     assert (
         made.words
-        == "Opponents: the built-in driver at 92.0% to 100.0% of its pace, calm; no other handicap."
+        == "Opponents: the built-in driver at 92.0 to 100.0 % of its pace, calm; no other handicap."
     )
     assert spread(0.8, 0.9, 1) == [pytest.approx(0.85)]
 

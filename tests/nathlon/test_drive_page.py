@@ -217,7 +217,7 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     drive.page.select_option("[name=difficulty]", "beginner")
     drive.page.select_option("[name=temper]", "calm")
     drive.begin(cars="3", seat="3")
-    drive.until("document.getElementById('news').textContent.includes('at 74.0% to 84.0% of its pace, calm')")
+    drive.until("document.getElementById('news').textContent.includes('at 74.0 to 84.0 % of its pace, calm')")
     drive.until("document.getElementById('order').textContent.includes('Built-in driver, 84 % pace, calm')")
     assert drive.room.heat is not None
     ahead, other, own = drive.room.heat.plan.grid

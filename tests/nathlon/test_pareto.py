@@ -312,7 +312,7 @@ def test_of_thousands_that_are_nearly_equal_some_survive_and_what_is_lost_is_sai
     assert probability.max() < 0.05
     assert probability[survives].sum() >= 0.5 * probability.sum()
     assert 10 < survives.sum() < 300
-    assert "survivors hold 50% of the probability" in lost_remark(table)
+    assert "survivors hold 50 % of the probability" in lost_remark(table)
     assert lost_remark(table.with_columns(survives=True)) == ""
     assert lost_remark(table.clear()) == ""
 

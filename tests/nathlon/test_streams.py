@@ -111,7 +111,7 @@ def test_json_for_what_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     (tmp_path / "nathlon.toml").touch()
     monkeypatch.setattr("nathlon.selection.nightly.night.nightly", stopped)
-    done = nathlon("nightly", "--json", cwd=tmp_path)
+    done = nathlon("nightly", "--json", cwd=tmp_path, stops=True)
     assert done.returncode == 130
     assert json.loads(done.stdout) == {"error": "Stopped. The same command goes on.", "code": 130}
 
@@ -158,5 +158,5 @@ def test_a_command_that_is_terminated_ends_as_after_ctrl_c(
     monkeypatch.setattr(
         "nathlon.selection.nightly.night.nightly", lambda *_: signal.raise_signal(signal.SIGTERM)
     )
-    assert nathlon("nightly", cwd=tmp_path).returncode == 130
+    assert nathlon("nightly", cwd=tmp_path, stops=True).returncode == 130
     assert signal.getsignal(signal.SIGTERM) is before

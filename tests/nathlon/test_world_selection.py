@@ -13,6 +13,7 @@ from openpyxl import load_workbook
 import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
+from nathlon.results.words import percent
 from nathlon.selection.answers import ALIKE, remarks
 from nathlon.selection.config import read_config
 from nathlon.selection.field import EntryList
@@ -68,8 +69,8 @@ def test_the_better_policy_is_sent_from_a_duel(tmp_path: Path, players: list[str
     least, most, what = {"score": (0.5, 3.0, ""), "place": (9.0, 10.0, "points ")}[points]
     assert least < first.mean <= most
     told = result.verdict.sentences[1]
-    assert f"It scored {first.mean:.2f} {what}an episode on average (95% interval " in told
-    assert f"won {first.won:.0%}, drew {first.drawn:.0%}, lost {first.lost:.0%}" in told
+    assert f"It scored {first.mean:.2f} {what}an episode on average (95 % interval " in told
+    assert f"won {percent(first.won)}, drew {percent(first.drawn)}, lost {percent(first.lost)}" in told
 
 
 def test_it_is_said_where_all_pairs_come_out_alike() -> None:
@@ -138,7 +139,7 @@ def test_where_no_sides_meet_the_tests_rank_and_what_is_no_policy_is_set_aside(
         assert f"Set aside    {tmp_path / stem}.onnx" in printed
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["excluded"]
     told = " ".join([result.verdict.headline, *result.verdict.sentences])
-    assert "points (95% interval" in told or "points in the n-athlon" in told
+    assert "points (95 % interval" in told or "points in the n-athlon" in told
     assert "race" not in told
     assert "contact" not in told
 

@@ -46,11 +46,11 @@ def test_first_alone() -> None:
         "rule:ranking, “all pass the gates, in order of points in the round robin”."
     )
     assert told.sentences[1] == (
-        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races of the round robin: "
+        "It scored 22.0 points a race (95 % interval 21.2 to 22.8) in 80 races of the round robin: "
         "alone in rank 1 of 2."
     )
     assert told.sentences[2] == (
-        "There its cars had 0.20 contacts per km (0.15–0.26), 0.10 per km at fault. "
+        "There its cars had 0.20 contacts per km (0.15 to 0.26), 0.10 per km at fault. "
         "Nobody is barred for contacts."
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,10 @@ def test_it_says_which_recipes_are_better_and_loads_nothing(browser: Browser, tm
     page.goto(path.as_uri())
     assert page.locator("h1").inner_text() == "Better than base: x<b>y"
     assert page.locator("tbody th").all_inner_texts() == ["base", "x<b>y", "plain"]
-    assert "90%" in page.locator("tbody tr").nth(1).inner_text()
+    assert "90 %" in page.locator("tbody tr").nth(1).inner_text()
+    intervals = page.locator("tbody small").all_inner_texts()
+    assert intervals
+    assert all(re.fullmatch(r"\(.+ to .+\)", one) for one in intervals)
     assert "fewer than five" not in page.locator("main").inner_text()
     width = page.evaluate("document.querySelector('img').naturalWidth")
     assert width > 1000

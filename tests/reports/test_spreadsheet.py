@@ -253,6 +253,16 @@ def test_texts_stand_apart_from_numbers_and_heads_above_them(selection: Selectio
     assert barred == ["yes" if one else "no" for one in expected]
 
 
+def test_the_facts_of_a_run_are_printed_whole_on_one_page(selection: Selection, tmp_path: Path) -> None:
+    summary = selection.summary.model_copy(update={"pair_correlation": -0.043962})
+    path = write_spreadsheet(replace(selection, summary=summary), tmp_path / "ranking.xlsx")
+    sheet = openpyxl.load_workbook(path)["Run"]
+    assert sheet.page_setup.fitToHeight in (1, None), "one, which needs no saying"
+    cells = {fact.value: value for fact, value in sheet.iter_rows(min_row=2, max_col=2)}
+    assert cells["Title"].alignment.wrap_text
+    assert cells["Correlation within mirrored pairs"].number_format == "0.00"
+
+
 def test_digests_and_paths_are_on_the_last_sheet_alone(selection: Selection, tmp_path: Path) -> None:
     book = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))
     cards = selection.tables["entrants"]

@@ -126,7 +126,7 @@ def test_tuning_out_of_range_is_one_sentence() -> None:
     [
         ("body", {"yaw_inertia_kg_m2": 9000.0}, "body.yaw_inertia_kg_m2 is 9000, expected 1443 to 2645"),
         ("body", {"length_m": 2.0}, "body.length_m is 2, expected more than the wheelbase of 2.65 m"),
-        ("body", {"front_axle_m": 2.4, "rear_axle_m": 0.6}, "20% of the weight is in front"),
+        ("body", {"front_axle_m": 2.4, "rear_axle_m": 0.6}, "20 % of the weight is in front"),
         ("engine", {"shift_up_rpm": 8500.0}, "engine.shift_up_rpm is 8500, expected less than 8000"),
         ("gearbox", {"ratios": (3.0, 1.0)}, "from gear 1 the engine shifts up to 2533 rpm"),
         ("gearbox", {"ratios": (1.0, 2.0)}, "expected that they fall from gear to gear"),

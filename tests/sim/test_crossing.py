@@ -150,7 +150,9 @@ class TestImport:
     def test_a_loop_too_short_to_climb_is_refused(self, tmp_path: Path) -> None:
         angle = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)
         size = 230.0 * (0.8 + np.cos(angle))
-        with pytest.raises(InputError, match=r"a bridge .* would need a slope of \d+%, expected at most 5%"):
+        with pytest.raises(
+            InputError, match=r"a bridge .* would need a slope of \d+ %, expected at most 5 %"
+        ):
             imported(tmp_path, np.stack([size * np.cos(angle), size * np.sin(angle)], axis=1), 2.5)
 
     def test_a_file_with_a_crossing_but_no_bridge_is_refused(self, tmp_path: Path, path: Path) -> None:

@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import pytest
 
-from nathlon.cli import main
+from nathlon.cli import STOPPED, main
 
 
 class Done(NamedTuple):
@@ -22,8 +22,8 @@ class Done(NamedTuple):
     stderr: str
 
 
-def nathlon(*arguments: str | Path, cwd: Path) -> Done:
-    """Call the entry point of the console script."""
+def nathlon(*arguments: str | Path, cwd: Path, stops: bool = False) -> Done:
+    """Call the console script; what stops it stops the tests, unless it `stops` by itself."""
     with (
         chdir(cwd),
         redirect_stdout(StringIO()) as stdout,
@@ -33,6 +33,8 @@ def nathlon(*arguments: str | Path, cwd: Path) -> Done:
     ):
         main()
     assert isinstance(end.value.code, int)
+    if end.value.code == STOPPED and not stops:
+        pytest.exit("stopped from outside, for instance by `timeout`, during a command")
     return Done(end.value.code, stdout.getvalue(), stderr.getvalue())
 
 

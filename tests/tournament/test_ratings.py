@@ -134,7 +134,9 @@ def test_a_cycle_and_the_lack_of_fit_are_noted() -> None:
     assert "A beats B, B beats C, and C beats A." in found
     assert len(found) == 3
     assert "does not explain" in found[0]
-    assert found[2] == "Nobody scores more points against a mixture of A 33%, B 33%, C 33% (Nash averaging)."
+    assert (
+        found[2] == "Nobody scores more points against a mixture of A 33 %, B 33 %, C 33 % (Nash averaging)."
+    )
 
 
 def test_equals_with_one_score_each_seldom_seem_not_to_fit() -> None:

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from nathlon.arena.race_log import RaceLog, start_number
-from nathlon.lab.coach.craft import craft_of, traffic
+from nathlon.lab.coach.craft import craft_of, serves, traffic
 from nathlon.lab.coach.diagnosis import MIN_LOSS_S, ComparedParts, causes_of
 from nathlon.lab.coach.driving import HANDS, DrivenTrial, Jolt, Rider, TrialPlan
 from nathlon.lab.coach.edits import Edit, edits_of, full_throttle
@@ -57,12 +57,12 @@ class _Ways(NamedTuple):
     Attributes:
         window: that is driven.
         edits: to try.
-        near: instead of a trial, where another car is near.
+        without: instead of a trial, where it would prove nothing.
     """
 
     window: ProofWindow
     edits: list[Edit]
-    near: ProofTrial | None
+    without: ProofTrial | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Coach:
         trials: dict[int, ProofTrial] = {}
         on_drives(0, drives[-1])
         for (number, ways), done in zip(bends.items(), drives[1:], strict=True):
-            trials[number] = ways.near or try_edits(rider, self._lap, ways.window, ways.edits)
+            trials[number] = ways.without or try_edits(rider, self._lap, ways.window, ways.edits)
             on_drives(done, drives[-1])
         advice = [
             (self._advice(self._parts[number], trial, trial.best[0]), trial.best[0])
@@ -170,13 +170,16 @@ class Coach:
         return ComparedParts(self._lap, self._reference.lap, part, (does, shows), self.pace is not None)
 
     def _ways(self, compared: ComparedParts) -> _Ways:
-        """What is to be tried in a part: nothing where another car is near."""
+        """What is to be tried in a part: nothing where another car is near, or the stewards slow it down."""
         part, lap = compared.part, self._lap
         window = window_of(self._parts, part, self._length_m)
         began, ended = (lap.start_s + lap.time_s[lap.at(at)] for at in (window.start_m, window.end_m))
         near = traffic(self._log, self._car, began, ended)
-        if near is not None:
-            return _Ways(window, [], ProofTrial(window, 0, (), f"{near[1]} is near"))
+        why = f"{near[1]} is near" if near else ""
+        if serves(self._log, self._car, began, ended):
+            why = "a penalty is served there"
+        if why:
+            return _Ways(window, [], ProofTrial(window, 0, (), why))
         if compared.marks is None:
             return _Ways(window, list(full_throttle(part, lap)), None)
         return _Ways(window, list(edits_of(part, lap, compared.other, *compared.marks)), None)
@@ -198,7 +201,9 @@ class Coach:
         part, own, other = compared.part, compared.own, compared.other
         middle = compared.middle_m
         spans = [lap.between(part.start_m, part.end_m) for lap in self._flying]
-        causes = [*causes_of(compared), *self._others(compared)]
+        others = self._others(compared)
+        # Who is slowed down by the stewards is not to be told to drive faster.
+        own_doing = [] if any(one.kind == "penalty" for one in others) else causes_of(compared)
         return CoachedSection(
             name=part.name,
             kind=part.kind,
@@ -210,7 +215,7 @@ class Coach:
             entry_lost_s=None if middle is None else round(compared.lost(part.start_m, middle), 3),
             exit_lost_s=None if middle is None else round(compared.lost(middle, part.end_m), 3),
             spread_s=round(max(spans) - min(spans), 3) if len(spans) > 1 else None,
-            causes=tuple(causes),
+            causes=(*own_doing, *others),
         )
 
     def _others(self, compared: ComparedParts) -> list[Cause]:
@@ -223,18 +228,16 @@ class Coach:
             cause = compared.cause("traffic", part.start_m, near[0], unit="m ahead")
             found.append(cause.model_copy(update={"car": near[1]}))
         for incident in self._log.incidents:
-            if self._car not in incident.cars or not from_s <= incident.time_s < until_s:
+            touched = incident.kind == "contact" and self._car in incident.cars
+            if not touched or not from_s <= incident.time_s < until_s:
                 continue
-            at_m = (
-                float(np.interp(incident.time_s - lap.start_s, lap.time_s, np.arange(len(lap.time_s))))
-                * STEP_M
-            )
-            if incident.kind == "contact":
-                others = [names[one] for one in incident.cars if one != self._car]
-                cause = compared.cause("contact", at_m, 3.6 * incident.closing_m_s, unit="km/h")
-                found.append(cause.model_copy(update={"car": others[0] if others else None}))
-            elif incident.kind == "served":
-                found.append(compared.cause("penalty", at_m))
+            since_s = incident.time_s - lap.start_s
+            at_m = float(np.interp(since_s, lap.time_s, np.arange(len(lap.time_s)))) * STEP_M
+            others = [names[one] for one in incident.cars if one != self._car]
+            cause = compared.cause("contact", at_m, 3.6 * incident.closing_m_s, unit="km/h")
+            found.append(cause.model_copy(update={"car": others[0] if others else None}))
+        if serves(self._log, self._car, from_s, until_s):
+            found.append(compared.cause("penalty", part.start_m))
         return found
 
     @property

@@ -92,6 +92,12 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
 
 
+def serves(log: RaceLog, car: int, from_s: float, until_s: float) -> bool:
+    """Whether a car serves some of a penalty in a time: then the stewards slow it down."""
+    rows = slice(*np.searchsorted(log.time_s, [from_s, until_s]).tolist())
+    return bool((np.diff(log.samples["penalty_s"][rows, car]) < 0.0).any())
+
+
 def traffic(log: RaceLog, car: int, from_s: float, until_s: float) -> tuple[float, str] | None:
     """The nearest car ahead of or beside a car in a time: metres ahead, and its name; None without any."""
     rows = slice(*np.searchsorted(log.time_s, [from_s, until_s]).tolist())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from nathlon.results.coach import Advice, Cause, CoachedSection, CoachFacts, Mishap
+from nathlon.results.words import percent
 
 NAMED = 3
 """Sections that are named first."""
@@ -101,9 +102,8 @@ def _lap(facts: CoachFacts) -> str:
     line = f"The best lap of {facts.name} on {facts.raced.circuit} takes {facts.lap.lap_s:.3f} s. "
     line += f"That is {apart} the lap of {who}: {facts.other_lap_s:.3f} s."
     if facts.pace is not None:
-        line += (
-            f" It is slower everywhere: at {facts.pace.speed_share:.0%} of that one's speed in the median."
-        )
+        share = percent(facts.pace.speed_share)
+        line += f" It is slower everywhere: at {share} of that one's speed in the median."
     if facts.limit_s is not None:
         line += f" The limit of circuit and car is {facts.limit_s:.3f} s."
     return line

@@ -15,6 +15,7 @@ from nathlon.lab.drive.forecast import HeatForecast, Setting, drive, foretell
 from nathlon.lab.drive.form import PACES, Form, form
 from nathlon.policies.sources import DRIVER, driver_settings
 from nathlon.policies.temper import FAIR, TemperName
+from nathlon.results.words import percent
 from nathlon.sim.errors import InputError
 
 Difficulty = Literal["chosen", "beginner", "intermediate", "expert", "match"]
@@ -123,11 +124,11 @@ def _around(middle: float, cars: int) -> list[float]:
 def words(paces: Sequence[float], temper: str, shown: Form | None, forecast: HeatForecast | None) -> str:
     """What a person is told of their opponents and of themselves."""
     fast, slow = max(paces), min(paces)
-    between = f"{fast:.1%}" if len(paces) == 1 else f"{slow:.1%} to {fast:.1%}"
+    between = percent(fast, 1) if len(paces) == 1 else f"{100 * slow:.1f} to {percent(fast, 1)}"
     told = f"Opponents: the built-in driver at {between} of its pace, {temper}; no other handicap."
     if shown is None or forecast is None:
         return told
     drives = "drive" if shown.drives == 1 else f"{shown.drives} drives"
-    told += f" You drive like it at {shown.pace:.1%}, by your last {drives} here."
+    told += f" You drive like it at {percent(shown.pace, 1)}, by your last {drives} here."
     likely = f"{forecast.low}" if forecast.low == forecast.high else f"{forecast.low} to {forecast.high}"
     return f"{told} Forecast: place {forecast.place:.1f} of {forecast.cars}, likely {likely}."

@@ -31,6 +31,7 @@ from nathlon.lab.reward.trying import Tried, look, train
 from nathlon.lab.reward.vetting import vet
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.trainer import Diverged
+from nathlon.results.words import percent
 from nathlon.sim.errors import InputError
 
 SETTINGS = "design.json"
@@ -241,7 +242,9 @@ class Design:
 
     def _on_status(self, name: str, status: Status) -> None:
         lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
-        self._tell(self._done + status.updates, f"{name}: {lap}, {status.off_course_share:.1%} off course")
+        self._tell(
+            self._done + status.updates, f"{name}: {lap}, {percent(status.off_course_share, 1)} off course"
+        )
 
     def _judge(self, number: int, judge: Judge) -> None:
         """Compare those trained with each other and with the best so far."""

@@ -13,6 +13,7 @@ from scipy.special import ndtri
 from nathlon.arena.results import PARETO, POLICY_FAULTS
 from nathlon.arena.statistics import Floats, group_sums
 from nathlon.arena.voids import not_judged_by_tests
+from nathlon.results.words import percent
 from nathlon.selection.pareto.objective import (
     CONTACTS,
     LAP,
@@ -89,7 +90,7 @@ def lost_remark(table: pl.DataFrame) -> str:
     if not everything or held >= FEW_HELD * everything:
         return ""
     return (
-        f"The filter's {survives.sum():,} survivors hold {held / everything:.0%} of the probability of "
+        f"The filter's {survives.sum():,} survivors hold {percent(held / everything)} of the probability of "
         f"being on the front: {table.height:,} entrants are too alike for so few races. Raise "
         " pareto.most_races, or lower pareto.keep_probability."
     )

@@ -13,10 +13,10 @@ export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLow
 const FIGURES = { shortlist: "Figures: of the n-athlon.", selection: met ? `Figures: of the ${MEETINGS.toLowerCase()}.` : "Figures: of the n-athlon." };
 
 // What members are shown of a candidate, as far as the world measures it.
-/** @type {[string, (one: any) => string][]} */
+/** @type {[string, (one: any, digits: number) => string][]} */
 const SHOWN = /** @type {any[]} */ ([
   ["Rank", rankText],
-  ["Points", (one) => number(one.points, 1)],
+  ["Points", (one, digits) => number(one.points, digits)],
   touches && ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
   touches && blames && ["At fault per km", (one) => number(one.at_fault_per_km, 2)],
   measured("off_course_s") && ["Off course, %", (one) => percent(one.off_course_share, 1)],
@@ -40,6 +40,7 @@ function decisionView(decision) {
   const list = (ids) => (ids.length ? ids.map((entrant, i) => [i > 0 && ", ", named(entrant)]) : "nobody");
   const row = new Map(decision.evidence.rows.map((one) => [one.entrant, one]));
   const late = new Set(decision.late);
+  const digits = met && decision.question === "selection" ? 1 : 0; // of points: those of the n-athlon are thousands
   const state = decision.open ? (decision.waits_for ? `open, waits for ${count(decision.waits_for, "member")}` : "open, asked again") : "decided";
   return section(QUESTIONS[decision.question],
     facts([
@@ -53,7 +54,7 @@ function decisionView(decision) {
         const shown = row.get(standing.entrant);
         return h("tr", { class: standing.chosen ? "chosen" : null },
           h("th", { scope: "row", class: "name" }, named(standing.entrant), " ", standing.chosen && chip("sent", decision.question === "selection" ? "sent" : "chosen"), shown?.barred ? chip("barred", "barred") : null),
-          [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), ...SHOWN.map(([, cell]) => cell(shown))].map((text) => h("td", { class: "number" }, text)));
+          [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), ...SHOWN.map(([, cell]) => cell(shown, digits))].map((text) => h("td", { class: "number" }, text)));
       })))) : empty("There were no candidates."),
     h("ol", { class: "ballots" }, decision.said.map((said) => h("li", {},
       h("p", {}, h("strong", {}, said.member), " ", h("span", { class: "interval" }, time(said.at)), late.has(said.id) && chip("barred", "too late, not counted")),

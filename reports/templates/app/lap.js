@@ -180,7 +180,8 @@ const startLine = () => h("svg:path", { class: "start", d: `M${course[0].left_x_
 function sectionNames(rows, box, pixel) {
   const middle = { x: d3.mean(rows, (row) => row.x_m) ?? 0, y: -(d3.mean(rows, (row) => row.y_m) ?? 0) };
   const taken = [];
-  const clear = (own) => own[0] > box[0] && own[0] + own[2] < box[0] + box[2] && taken.every((one) => own[0] > one[0] + one[2] || one[0] > own[0] + own[2] || own[1] > one[1] + one[3] || one[1] > own[1] + own[3]);
+  const within = (own) => [0, 1].every((k) => own[k] > box[k] && own[k] + own[k + 2] < box[k] + box[k + 2]);
+  const clear = (own) => within(own) && taken.every((one) => own[0] > one[0] + one[2] || one[0] > own[0] + own[2] || own[1] > one[1] + one[3] || one[1] > own[1] + own[3]);
   const road = rows.filter((_, i) => i % 4 === 0).map((row) => [row.x_m - 6 * pixel, -row.y_m - 6 * pixel, 12 * pixel, 12 * pixel]);
   taken.push(...road);
   return d3.groups(course.map((row, i) => ({ ...row, i })), (row) => row.section).filter(([name]) => name).flatMap(([name, own]) => {

@@ -45,7 +45,7 @@ export function leaderboard() {
       touches && figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
       touches && { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
       blames && figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
-      met && { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
+      met && { key: "skill", head: "n\u2011athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
       ...limitColumn(),
       met && { key: "races", head: capital(EPISODES), value: (row) => row.races, cell: (row) => number(row.races) },
       timed && { key: "action", head: "Action, ms", first: "ascending", title: data.timedOn, value: (row) => row.action_p99_ms, cell: (row) => [number(row.action_ms, 3), " ", h("span", { class: "interval" }, `99 %: ${number(row.action_p99_ms, 3)}`)] },

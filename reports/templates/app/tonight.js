@@ -40,7 +40,7 @@ function funnel() {
     h("li", {},
       link(to(view[stage.name] ?? "tonight"), stageName(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
-      h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : "ballots"))));
+      h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : `no ${EPISODES}`))));
 }
 
 function health() {

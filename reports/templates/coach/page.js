@@ -45,7 +45,7 @@ async function start() {
     byId("whole").hidden = !part;
     byId("with-advice").hidden = driven === null;
     byId("range").textContent = part ? `${part.name}, ${Math.round(span[0])} m to ${Math.round(span[1])} m` : "";
-    for (const node of all(".label")) node.classList.toggle("chosen", Number(node.dataset.section) === section);
+    for (const node of all(".bend")) node.classList.toggle("chosen", Number(node.dataset.section) === section);
     for (const [i, node] of all(".advice li").entries()) node.classList.toggle("chosen", i === driven);
     if (section !== null) player.seek(timeAt(span[0]));
   }

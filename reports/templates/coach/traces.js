@@ -1,6 +1,6 @@
 // Traces over the way: the coached lap, the other one, and what was driven with an advice.
 
-import { difference } from "../numbers.js";
+import { difference, number } from "../numbers.js";
 import { all, h } from "../race/element.js";
 
 const TRACE_WIDTH = 1000;
@@ -63,9 +63,9 @@ export function lapTraces(box, { own, other, edited }, onPlace) {
   /** @type {Chart[]} */
   const kinds = [
     { name: "Time lost, s", key: "lost", height: 130, least: 0.1, words: (v) => difference(v, 3), without: "other" },
-    { name: "Speed, km/h", key: "speed", height: 190, least: 20, scale: 3.6, words: (v) => v.toFixed(0) },
-    { name: "Throttle and brake, %", key: "pedal", height: 90, range: [-105, 105], scale: 100, words: (v) => v.toFixed(0) },
-    { name: "Line, m left of the middle", key: "lateral", height: 110, least: 2, words: (v) => v.toFixed(1) },
+    { name: "Speed, km/h", key: "speed", height: 190, least: 20, scale: 3.6, words: number },
+    { name: "Throttle and brake, %", key: "pedal", height: 90, range: [-105, 105], scale: 100, words: number },
+    { name: "Line, m left of the middle", key: "lateral", height: 110, least: 2, words: (v) => number(v, 1) },
   ];
   const charts = kinds.map((chart) => {
     /** @type {Record<string, HTMLElement>} */

@@ -6,8 +6,29 @@ import { called, lapTime } from "./words.js";
 
 const NEWS_MS = 7000;
 const REFRESH_MS = 80;
+const IN_SIGHT_M = 250; // before a bend or a crest hides it
 
 /** @typedef {import("./link.js").Frame} Frame */
+
+/**
+ * The row of the circuit at which a car is.
+ * @param {number} progress m
+ * @param {number} lapM
+ * @param {number} rows
+ */
+const rowAt = (progress, lapM, rows) => Math.floor(((((progress % lapM) + lapM) % lapM) / lapM) * rows) % rows;
+
+/**
+ * Metres to the next penalty zone, 0 inside one; infinitely many on a circuit that has none.
+ * @param {ArrayLike<number>} zones which rows of the circuit lie in one
+ * @param {number} lapM
+ * @param {number} progress m
+ */
+export function toZone(zones, lapM, progress) {
+  const first = rowAt(progress, lapM, zones.length);
+  for (let i = 0; i < zones.length; i++) if (zones[(first + i) % zones.length]) return (i * lapM) / zones.length;
+  return Infinity;
+}
 
 /**
  * The lap to compare your own with: time since the line at each row of the circuit.
@@ -21,7 +42,6 @@ export function newReference(driver, lapM) {
   let running = new Float64Array(rows).fill(NaN);
   /** @type {number | null} */
   let laps = null;
-  const rowOf = (progress) => Math.floor(((((progress % lapM) + lapM) % lapM) / lapM) * rows) % rows;
   return {
     own: false,
     /** To the driver's lap, and back to one's own. */
@@ -37,7 +57,7 @@ export function newReference(driver, lapM) {
      * @param {number} progress
      */
     delta(frame, progress) {
-      const row = rowOf(progress);
+      const row = rowAt(progress, lapM, rows);
       if (laps !== null && frame.laps > laps) {
         // It was whole if it began at the line.
         if (frame.lastLap === frame.bestLap && running.filter(Number.isFinite).length > rows * 0.5) own = running;
@@ -68,6 +88,14 @@ export function newHud({ race, scene, reference }) {
     h("svg:svg", { viewBox: "0 0 200 62", role: "img", "aria-label": "Engine speed, throttle, brake, steering", preserveAspectRatio: "none" },
       back(2), rpm, back(18), throttle, back(30), brake, h("svg:rect", { x: 0, y: 50, width: 200, height: 2, fill: "#2b3139" }), wheel),
   );
+
+  // What the brown stretches of the road are, while one is in sight or is to be driven to.
+  /** @type {(frame: Frame, progress: number) => HTMLElement[]} */
+  const zoneKey = (frame, progress) => {
+    const away = toZone(scene.ground[2], scene.lap, progress);
+    if (away > (frame.penalty > 0 ? Number.MAX_VALUE : IN_SIGHT_M)) return [];
+    return [row("Penalty zone", away === 0 ? "here" : `in ${Math.round(away)} m`, "zone")];
+  };
 
   // Seconds between two cars on the road, by the speed of the one behind.
   /** @type {(ahead: Frame["cars"][0], behind: Frame["cars"][0]) => number} */
@@ -106,6 +134,7 @@ export function newHud({ race, scene, reference }) {
       row("Last", lapTime(frame.lastLap)),
       row("Best", lapTime(frame.bestLap)),
       ...(frame.penalty > 0 ? [row("Penalty to serve", `${frame.penalty.toFixed(1)} s`, "worse")] : []),
+      ...zoneKey(frame, car.progress),
       ...(frame.warnings ? [row("Warnings", String(frame.warnings))] : []),
     );
     const standing = [...frame.cars.keys()].sort((a, b) => frame.cars[a].place - frame.cars[b].place);

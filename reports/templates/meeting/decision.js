@@ -9,10 +9,10 @@ import { absent, chip, elsewhere, empty, fileOf, head, list, note, percent, scro
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
 /** Where the figures come from that a question is answered by. */
 const FIGURES = { shortlist: "Figures: of the n-athlon.", selection: "Figures: of the round robin." };
-/** @type {[string, (one: any) => import("../race/element.js").Child][]} */
+/** @type {[string, (one: any, digits: number) => import("../race/element.js").Child][]} */
 const EVIDENCE = [
   ["Rank", rankText],
-  ["Points", (one) => [number(one.points, 1), absent(one.low) ? null : h("small", {}, `${number(one.low, 1)} to ${number(one.high, 1)}`)]],
+  ["Points", (one, digits) => [number(one.points, digits), absent(one.low) ? null : h("small", {}, `${number(one.low, digits)} to ${number(one.high, digits)}`)]],
   ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
   ["At fault per km", (one) => number(one.at_fault_per_km, 2)],
   ["Off course", (one) => percent(one.off_course_share, 1)],
@@ -56,13 +56,14 @@ export function questionView(first, you, longest, say) {
 function standingsTable(decision) {
   const evidence = new Map(decision.evidence.rows.map((row) => [row.entrant, row]));
   const chosen = decision.question === "selection" ? "sent" : "shortlisted";
+  const digits = decision.question === "selection" ? 1 : 0; // of points: those of the n-athlon are thousands
   return scroll(`Standings: ${ASKED_FOR[decision.question]}`, h("table", {},
     head([["Entrant"], ...EVIDENCE.map(([text]) => [text, "number"]), ["Approved by", "number"], ["Favour", "number"]]),
     h("tbody", {}, decision.standings.map((one) => {
       const row = evidence.get(one.entrant);
       return h("tr", { class: one.chosen && "chosen" },
         h("th", { scope: "row" }, one.name, one.chosen && chip("good", decision.open ? `would be ${chosen}` : chosen), !one.fit && chip("", "not fit"), row.barred && chip("alarm", "barred")),
-        EVIDENCE.map(([, cell]) => h("td", { class: "number" }, cell(row))),
+        EVIDENCE.map(([, cell]) => h("td", { class: "number" }, cell(row, digits))),
         h("td", { class: "number" }, `${one.approved_by} of ${decision.ballots}`), h("td", { class: "number" }, percent(one.favour)));
     }))));
 }
