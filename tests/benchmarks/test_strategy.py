@@ -11,15 +11,13 @@ ALONE: dict[str, Any] = {
     "expected_s": {"1 stops": 1000.0, "2 stops": 1010.0},
     "field": [],
     "lap_wise": 9.0,
-    "field_wall_s": 0.0,
 }
 IN_FIELD = ALONE | {
     "field": [
-        {"planner": 9.0, "fixed": 12.0, "hours": 0.5},
-        {"planner": 11.0, "fixed": 10.0, "hours": 0.5},
+        {"planner": 9.0, "fixed": 12.0, "hours": 0.5, "wall_s": 60.0},
+        {"planner": 11.0, "fixed": 10.0, "hours": 0.5, "wall_s": 60.0},
     ],
     "lap_wise": 12.0,
-    "field_wall_s": 120.0,
 }
 
 
