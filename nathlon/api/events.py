@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -279,23 +280,21 @@ def _practise(
     folder: Path,
     on_done: Callable[[int, int], None],
 ) -> pl.DataFrame:
-    """A planner for each entrant that can have one: `name`, `plan`, `expected_s`."""
+    """A planner for each entrant that can have one: `name`, `plan`, `expected_s`; written after each."""
     path = folder / "practice.csv"
     schema = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64}
-    if path.is_file():
-        kept = pl.read_csv(path, schema=schema)
-        if kept["name"].to_list() == [one.name for one in entered]:
-            return kept
+    planned = pl.read_csv(path, schema=schema) if path.is_file() else pl.DataFrame(schema=schema)
+    if planned["name"].to_list() != [one.name for one in entered[: planned.height]]:
         raise InputError(f"{path}: is of other entrants, expected another folder")
-    rows: list[tuple[str, str | None, float | None]] = []
     raced = load_scenario(scenario)
     planned_for = raced.wear_rate > 0.0 and not raced.weather
-    for number, one in enumerate(entered):
-        if not planned_for or one.source.endswith(COMPOSITE) or one.source.partition(":")[0] == OBJECT:
-            rows.append((one.name, None, None))
-        else:
-            place = folder / PRACTICE / f"{number + 1:02}"
-            try:
+    for number, one in enumerate(entered[planned.height :], planned.height + 1):
+        plan: str | None = None
+        expected_s: float | None = None
+        if planned_for and not one.source.endswith(COMPOSITE) and one.source.partition(":")[0] != OBJECT:
+            place = folder / PRACTICE / f"{number:02}"
+            # Who does not come round in practice races without a plan.
+            with suppress(InputError):
                 found = stints(
                     one.source,
                     scenario=scenario,
@@ -306,14 +305,10 @@ def _practise(
                     out=place,
                     progress=False,
                 )
-                best = found.table.row(0, named=True)
-                rows.append((one.name, str(found.planner), best["expected_s"]))
-            except InputError:
-                # Who does not come round in practice races without a plan.
-                rows.append((one.name, None, None))
-        on_done(number + 1, len(entered))
-    planned = pl.DataFrame(rows, schema=schema, orient="row")
-    _write_table(path, planned)
+                plan, expected_s = str(found.planner), found.table["expected_s"][0]
+        planned = planned.vstack(pl.DataFrame([(one.name, plan, expected_s)], schema=schema, orient="row"))
+        _write_table(path, planned)
+        on_done(number, len(entered))
     return planned
 
 

@@ -179,13 +179,16 @@ def test_each_class_of_a_season_has_places_of_its_own() -> None:
 
 
 def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
-    """Of two who never come round; a second call finds all that was driven."""
+    """Of two who never come round; a second call finds all that was driven, and practises what was not."""
     entrants = {"one": Counting(0.3), "two": Counting(0.4)}
 
     def run() -> nathlon.SeasonResult:
         return nathlon.season(entrants, circuits=["porto-sereno"], laps=1, out=tmp_path, progress=False)
 
-    result, again = run(), run()
+    result = run()
+    practised = tmp_path / "1-porto-sereno" / "practice.csv"
+    practised.write_text("".join(practised.read_text("utf-8").splitlines(keepends=True)[:2]), "utf-8")
+    again = run()
     assert result.table["points"].to_list() == [10.0, 8.0] == result.table["porto-sereno"].to_list()
     [weekend] = result.weekends
     assert weekend.qualifying["lap_s"].to_list() == [None, None]
@@ -193,6 +196,7 @@ def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
     assert weekend.practice["plan"].to_list() == [None, None]
     assert weekend.results["stops"].to_list() == [0, 0]
     assert again.weekends[0].results.equals(weekend.results)
+    assert pl.read_csv(practised)["name"].to_list() == ["one", "two"]
     written = {path.name for path in weekend.folder.iterdir()}
     assert {"index.html", "laps.csv", "legs", "practice.csv", "results.csv"} <= written
     assert "nobody has completed one" in result.page.read_text("utf-8")
