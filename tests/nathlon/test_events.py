@@ -15,6 +15,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.arena.watch import Watch
+from nathlon.lab.events.chapters import practice_chapter
 from nathlon.lab.events.race_folder import drive_race
 from nathlon.lab.events.standings import season_table
 from nathlon.policies.policy import Batch
@@ -215,6 +216,23 @@ def test_a_table_of_an_event_has_no_empty_columns() -> None:
     assert table_chapter("Race", [], ("Place", "Time")).heads == ["Place", "Time"]
     some = table_chapter("Race", [["1", ""], ["2", "61.0"]], ("Place", "Time"))
     assert some.heads == ["Place", "Time"]
+
+
+def test_practice_says_why_there_is_no_plan() -> None:
+    practice = pl.DataFrame(
+        {
+            "name": ["one", "two", "three"],
+            "plan": ["planner.toml", None, None],
+            "expected_s": [500.0, None, None],
+            "reason": [None, "9 practice laps", None],
+        }
+    )
+    shown = practice_chapter(practice)
+    assert shown.rows == [
+        ["one", "from practice", "500.000"],
+        ["two", "none: 9 practice laps", ""],
+        ["three", "", ""],
+    ]
 
 
 def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:
