@@ -156,16 +156,14 @@ def field(
     for seed in seeds:
         races = [Race(seed, tuple(Seat((slot + turn) % 2) for slot in range(20))) for turn in range(2)]
         results = run([planner, fixed], f"{SCENARIO}:laps={laps}", circuit, races, folder)
-        seats = pl.Series([seat.entrant for race in races for seat in race.seats])
-        places = results.sort("race", "car")["place"]
+        seats = np.array([seat.entrant for race in races for seat in race.seats])
+        places = results.sort("race", "car")["place"].to_numpy()
         told.append(
             {
-                PLANNER: float(places.filter(seats == 0).mean()),
-                "fixed": float(places.filter(seats == 1).mean()),
-            }
-            | {
-                "hours": float(results["driven_s"].max()) * len(races) / 3600.0,
-                "wall_s": results["wall_s"][0],
+                PLANNER: float(places[seats == 0].mean()),
+                "fixed": float(places[seats == 1].mean()),
+                "hours": float(results["driven_s"].to_numpy().max()) * len(races) / 3600.0,
+                "wall_s": float(results["wall_s"][0]),
             }
         )
     return told
