@@ -3,14 +3,15 @@
 `python -m benchmarks.strategy --json FILE [--seeds N] [--field-seeds N] [--laps N] [--circuits NAME,NAME]
 [--policy NAME] [--out FOLDER]` has a policy practise (`nathlon stints`), the champion of each circuit if none
 is named, and then races its planner against plans without a stop and of one, two and three stops with even
-stints, each on the compound that the model likes best for it. What was practised is kept in the folder, for
-the next time. Circuits that FILE has and that are not raced anew are kept. Figures by circuit:
+stints, each on the compound that the model likes best for it. The folder keeps what was practised and every
+match that was driven: after a stop the same command goes on with the match that it was in. Circuits that FILE
+has and that are not raced anew are kept. Figures by circuit:
 
 - `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
   out;
 - `expected_s`: of the fixed plans, by the model;
-- `field`: mean place of planners and of the best fixed plan, ten cars each, by seed; every grid is also raced
-  the other way round;
+- `field`: mean place of planners and of the best fixed plan, ten cars each, by seed, with the hours that were
+  driven and the seconds on the clock; every grid is also raced the other way round;
 - `lap_wise`: mean place of the planners in as many races lap by lap (`LapRace`) as LAP_WISE, likewise.
 
 On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
@@ -25,7 +26,7 @@ import argparse
 import json
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -35,12 +36,13 @@ import polars as pl
 
 import nathlon
 from benchmarks.result import read_result, write_result
+from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import champion
 from nathlon.policies.environments.lap_race import LapRace
 from nathlon.policies.environments.strategy_env import model_of
-from nathlon.policies.load import load_policy
 from nathlon.policies.sources import is_path
 from nathlon.policies.stint_model import StintModel
 from nathlon.policies.stint_planner import StintPlanner
@@ -49,6 +51,7 @@ from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.whole_file import whole_file
 
 CARS = {"lindenring": "gt3", "porto-sereno": "coupe", "grandes-landes": "prototype"}
 """By circuit, those of the champions."""
@@ -58,6 +61,8 @@ NEAR = 1.003
 LAP_WISE = 20
 """Races lap by lap from each grid."""
 PLANNER = "planner"
+AT_ONCE = 10
+"""Seeds of races alone in one match."""
 
 
 def even(model: StintModel, laps: int, stops: int, tank_kg: float) -> tuple[Stint, ...]:
@@ -129,38 +134,55 @@ def written(folder: Path, policy: str, name: str, stints: Sequence[Stint]) -> st
 
 
 def alone(
-    sources: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int]
+    sources: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int], folder: Path
 ) -> dict[str, list[float]]:
     """Race times without anybody else, s, by strategy; inf for who did not finish."""
-    races = tuple(Race(seed, (Seat(number),)) for number in range(len(sources)) for seed in seeds)
-    results = run(sources, f"{SCENARIO}:laps={laps},cars=1", circuit, races)
-    taken = [time_s if time_s is not None else np.inf for time_s in results.sort("race")["race_time_s"]]
-    return {
-        name: taken[number * len(seeds) : (number + 1) * len(seeds)] for number, name in enumerate(sources)
-    }
+    taken: dict[str, list[float]] = {name: [] for name in sources}
+    for first in range(0, len(seeds), AT_ONCE):
+        some = seeds[first : first + AT_ONCE]
+        races = [Race(seed, (Seat(number),)) for number in range(len(sources)) for seed in some]
+        results = run(sources.values(), f"{SCENARIO}:laps={laps},cars=1", circuit, races, folder)
+        times = results.sort("race")["race_time_s"].fill_null(np.inf).to_list()
+        for number, name in enumerate(sources):
+            taken[name] += times[number * len(some) : (number + 1) * len(some)]
+    return taken
 
 
-def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]) -> list[dict[str, float]]:
-    """Mean places of two strategies, ten cars each, by seed; over both grids."""
-    races = tuple(
-        Race(seed, tuple(Seat((slot + turn) % 2) for slot in range(20)))
-        for seed in seeds
-        for turn in range(2)
-    )
-    results = run({PLANNER: first, "fixed": second}, f"{SCENARIO}:laps={laps}", circuit, races)
-    means = results.group_by("seed", "entrant").agg(pl.col("place").mean())
-    return [
-        {name: float(means.filter(seed=seed, entrant=name)["place"].item()) for name in (PLANNER, "fixed")}
-        | {"hours": float(results.filter(seed=seed)["driven_s"].to_numpy().max()) * 2 / 3600.0}
-        for seed in seeds
-    ]
+def field(
+    planner: str, fixed: str, circuit: str, laps: int, seeds: Sequence[int], folder: Path
+) -> list[dict[str, float]]:
+    """Mean places of two strategies, ten cars each, by seed, with hours and s taken; over both grids."""
+    told = []
+    for seed in seeds:
+        races = [Race(seed, tuple(Seat((slot + turn) % 2) for slot in range(20))) for turn in range(2)]
+        results = run([planner, fixed], f"{SCENARIO}:laps={laps}", circuit, races, folder)
+        seats = np.array([seat.entrant for race in races for seat in race.seats])
+        places = results.sort("race", "car")["place"].to_numpy()
+        told.append(
+            {
+                PLANNER: float(places[seats == 0].mean()),
+                "fixed": float(places[seats == 1].mean()),
+                "hours": float(results["driven_s"].to_numpy().max()) * len(races) / 3600.0,
+                "wall_s": float(results["wall_s"][0]),
+            }
+        )
+    return told
 
 
-def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Race, ...]) -> pl.DataFrame:
-    """RESULTS of one match."""
+def run(
+    sources: Collection[str], scenario: str, circuit: str, races: Sequence[Race], folder: Path
+) -> pl.DataFrame:
+    """RESULTS of one match and `wall_s` that it took; from the folder if it was driven before."""
     car = CARS[circuit]
-    match = Match("race", "strategy", scenario, circuit, car, tuple(sources), tuple(sources.values()), races)
-    return run_match(match, [load_policy(source, circuit, car) for source in sources.values()])
+    ids = tuple(enter(source, circuit, car).id for source in sources)
+    match = Match("race", "strategy", scenario, circuit, car, ids, tuple(sources), tuple(races))
+    path = folder / f"{match.key}.parquet"
+    if not path.is_file():
+        began = time.perf_counter()
+        results = run_match(match, match_policies(match))
+        with whole_file(path) as partial:
+            results.with_columns(wall_s=time.perf_counter() - began).write_parquet(partial)
+    return pl.read_parquet(path)
 
 
 def measure(
@@ -175,24 +197,20 @@ def measure(
     model = model_of(str(planner))
     fixed = {f"{stops} stops": even(model, laps, stops, tank_kg) for stops in STOPS}
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
-    driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds)
+    driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds, folder)
     print(circuit, json.dumps(driven), flush=True)
     gone = [name for name in sources if not np.isfinite(driven[name]).all()]
     for name in gone:
         del sources[name], fixed[name], driven[name]
     best = min(sources, key=lambda name: fmean(driven[name]))
-    began = time.perf_counter()
-    places = field(str(planner), sources[best], circuit, laps, in_field) if in_field else []
-    field_wall_s = time.perf_counter() - began
     return {
         "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
         "expected_s": {
             name: round(expected_s(model, stints, laps, tank_kg), 3) for name, stints in fixed.items()
         },
         "best": best,
-        "field": places,
+        "field": field(str(planner), sources[best], circuit, laps, in_field, folder),
         "lap_wise": round(lap_wise(model, fixed[best], laps, tank_kg), 2),
-        "field_wall_s": round(field_wall_s, 1),
     }
 
 
@@ -214,7 +232,7 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None
         if one["field"]:
             off.append(abs(fmean(race[PLANNER] for race in one["field"]) - one["lap_wise"]))
         hours += sum(race["hours"] for race in one["field"])
-        wall_s += one["field_wall_s"]
+        wall_s += sum(race["wall_s"] for race in one["field"])
     return {
         "within_0.3_percent": round(fmean(near), 3),
         "places_gained": round(fmean(gained), 2) if gained else None,

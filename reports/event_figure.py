@@ -48,12 +48,14 @@ def _line(car: int) -> dict[str, Any]:
 
 def _draw_places(axes: Axes, order: pl.DataFrame, laps: pl.DataFrame, names: dict[int, str]) -> None:
     """One line a car, named at its end; a dot where it has stopped."""
-    stopped = laps.sort("car", "lap").filter(pl.col("stops").diff().over("car").fill_null(0) > 0)
+    # A stop counts to the lap after it, and begins when the lap before that ends.
+    began = laps.sort("car", "lap").with_columns(stop_s=pl.col("time_s").shift().over("car"))
+    stopped = began.filter(pl.col("stops").diff().over("car").fill_null(0) > 0)
     for (car,), line in order.group_by("car", maintain_order=True):
         number = int(str(car))
         lap, place = line["lap"].to_numpy(), line["place"].to_numpy()
         axes.plot(lap, place, lw=1.5, **_line(number))
-        stops = stopped.filter(car=number)["time_s"].to_numpy()
+        stops = stopped.filter(car=number)["stop_s"].to_numpy()
         ends = laps.group_by("lap").agg(pl.col("time_s").min()).sort("lap")["time_s"].to_numpy()
         at = np.minimum(np.searchsorted(ends, stops), len(lap) - 1)
         axes.plot(lap[at], place[at], "o", ms=3.2, color=STOP)

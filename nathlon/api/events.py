@@ -19,6 +19,7 @@ from nathlon.arena.qualifying import qualify
 from nathlon.arena.single_race import single_race
 from nathlon.lab.events.chapters import (
     of_classes,
+    practice_chapter,
     qualifying_chapter,
     race_chapter,
     season_chapter,
@@ -67,7 +68,8 @@ class WeekendResult(EnduranceResult):
 
     Attributes:
         circuit: where.
-        practice: `name`, `plan` (null without one), `expected_s`; None without practice.
+        practice: `name`, `plan` (null without one), `expected_s`, and `reason` if practice came to none; None
+            without practice.
         qualifying: `name`, `class` and `lap_s` (null without a time), from pole.
     """
 
@@ -213,7 +215,8 @@ def weekend(
         match = single_race([starting[index] for index in order], name, seed)
         entered = [entered[index] for index in order]
         qualifying = _qualifying(entered, [lap_s for _, lap_s in times])
-        event, before = f"{laps} laps of {circuit}", [qualifying_chapter(qualifying)]
+        before = [qualifying_chapter(qualifying), *([] if planned is None else [practice_chapter(planned)])]
+        event = f"{laps} laps of {circuit}"
         race = _drive(pool, match, entered, folder, partial(on_match, RACE), event, before)
     return WeekendResult(race, circuit, planned, qualifying)
 
@@ -279,22 +282,20 @@ def _practise(
     folder: Path,
     on_done: Callable[[int, int], None],
 ) -> pl.DataFrame:
-    """A planner for each entrant that can have one: `name`, `plan`, `expected_s`."""
+    """A planner for each entrant that can have one, see `WeekendResult.practice`; written after each."""
     path = folder / "practice.csv"
-    schema = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64}
-    if path.is_file():
-        kept = pl.read_csv(path, schema=schema)
-        if kept["name"].to_list() == [one.name for one in entered]:
-            return kept
+    schema = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64, "reason": pl.String}
+    planned = pl.read_csv(path, schema=schema) if path.is_file() else pl.DataFrame(schema=schema)
+    if planned["name"].to_list() != [one.name for one in entered[: planned.height]]:
         raise InputError(f"{path}: is of other entrants, expected another folder")
-    rows: list[tuple[str, str | None, float | None]] = []
     raced = load_scenario(scenario)
     planned_for = raced.wear_rate > 0.0 and not raced.weather
-    for number, one in enumerate(entered):
-        if not planned_for or one.source.endswith(COMPOSITE) or one.source.partition(":")[0] == OBJECT:
-            rows.append((one.name, None, None))
-        else:
-            place = folder / PRACTICE / f"{number + 1:02}"
+    for number, one in enumerate(entered[planned.height :], planned.height + 1):
+        plan: str | None = None
+        expected_s: float | None = None
+        reason: str | None = None
+        if planned_for and not one.source.endswith(COMPOSITE) and one.source.partition(":")[0] != OBJECT:
+            place = folder / PRACTICE / f"{number:02}"
             try:
                 found = stints(
                     one.source,
@@ -306,14 +307,13 @@ def _practise(
                     out=place,
                     progress=False,
                 )
-                best = found.table.row(0, named=True)
-                rows.append((one.name, str(found.planner), best["expected_s"]))
-            except InputError:
-                # Who does not come round in practice races without a plan.
-                rows.append((one.name, None, None))
-        on_done(number + 1, len(entered))
-    planned = pl.DataFrame(rows, schema=schema, orient="row")
-    _write_table(path, planned)
+                plan, expected_s = str(found.planner), found.table["expected_s"][0]
+            except InputError as error:
+                reason = str(error)
+        row = (one.name, plan, expected_s, reason)
+        planned = planned.vstack(pl.DataFrame([row], schema=schema, orient="row"))
+        _write_table(path, planned)
+        on_done(number, len(entered))
     return planned
 
 

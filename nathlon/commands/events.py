@@ -105,6 +105,9 @@ def weekend(
     for name, lap_s in result.qualifying.select("name", "lap_s").iter_rows():
         grid.add_row(name, "no time" if lap_s is None else f"{lap_s:.3f}")
     print_table(grid)
+    if result.practice is not None:
+        for name, reason in result.practice.select("name", "reason").drop_nulls().iter_rows():
+            say(f"{name} races without a plan from practice: {reason}")
     _print_race(f"{laps} laps of {circuit}", result.results)
     say(f"Page         {result.page}")
 

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import polars as pl
+import pytest
+
+from benchmarks import strategy
 from benchmarks.strategy import summary
+from nathlon.arena.match import Match, Race, Seat
 
 ALONE: dict[str, Any] = {
     "alone": {"planner": [1002.0, 1004.0], "1 stops": [1000.0, 1001.0], "2 stops": [1010.0, 1000.0]},
     "expected_s": {"1 stops": 1000.0, "2 stops": 1010.0},
     "field": [],
     "lap_wise": 9.0,
-    "field_wall_s": 0.0,
 }
 IN_FIELD = ALONE | {
     "field": [
-        {"planner": 9.0, "fixed": 12.0, "hours": 0.5},
-        {"planner": 11.0, "fixed": 10.0, "hours": 0.5},
+        {"planner": 9.0, "fixed": 12.0, "hours": 0.5, "wall_s": 60.0},
+        {"planner": 11.0, "fixed": 10.0, "hours": 0.5, "wall_s": 60.0},
     ],
     "lap_wise": 12.0,
-    "field_wall_s": 120.0,
 }
 
 
@@ -34,3 +38,22 @@ def test_places_are_those_of_the_fields_that_were_driven() -> None:
     assert told["places_gained"] == 1.0
     assert told["places_error"] == 2.0
     assert told["hours_a_minute"] == 0.5
+
+
+def test_a_match_that_was_driven_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = []
+
+    def drive(match: Match, _: object) -> pl.DataFrame:
+        driven.append(match.races[0].seed)
+        return pl.DataFrame({"race_time_s": [100.0 + match.races[0].seed]})
+
+    monkeypatch.setattr(strategy, "run_match", drive)
+    monkeypatch.setattr(strategy, "match_policies", lambda match: [])
+
+    def race_time_s(seed: int) -> float:
+        races = [Race(seed, (Seat(0),))]
+        results = strategy.run(["driver"], "grand_prix_stops:cars=1", "lindenring", races, tmp_path)
+        return float(results["race_time_s"][0])
+
+    assert [race_time_s(1), race_time_s(2), race_time_s(1)] == [101.0, 102.0, 101.0]
+    assert driven == [1, 2]

@@ -15,6 +15,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.arena.watch import Watch
+from nathlon.lab.events.chapters import practice_chapter
 from nathlon.lab.events.race_folder import drive_race
 from nathlon.lab.events.standings import season_table
 from nathlon.policies.policy import Batch
@@ -179,13 +180,16 @@ def test_each_class_of_a_season_has_places_of_its_own() -> None:
 
 
 def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
-    """Of two who never come round; a second call finds all that was driven."""
+    """Of two who never come round; a second call finds all that was driven, and practises what was not."""
     entrants = {"one": Counting(0.3), "two": Counting(0.4)}
 
     def run() -> nathlon.SeasonResult:
         return nathlon.season(entrants, circuits=["porto-sereno"], laps=1, out=tmp_path, progress=False)
 
-    result, again = run(), run()
+    result = run()
+    practised = tmp_path / "1-porto-sereno" / "practice.csv"
+    practised.write_text("".join(practised.read_text("utf-8").splitlines(keepends=True)[:2]), "utf-8")
+    again = run()
     assert result.table["points"].to_list() == [10.0, 8.0] == result.table["porto-sereno"].to_list()
     [weekend] = result.weekends
     assert weekend.qualifying["lap_s"].to_list() == [None, None]
@@ -193,6 +197,7 @@ def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
     assert weekend.practice["plan"].to_list() == [None, None]
     assert weekend.results["stops"].to_list() == [0, 0]
     assert again.weekends[0].results.equals(weekend.results)
+    assert pl.read_csv(practised)["name"].to_list() == ["one", "two"]
     written = {path.name for path in weekend.folder.iterdir()}
     assert {"index.html", "laps.csv", "legs", "practice.csv", "results.csv"} <= written
     assert "nobody has completed one" in result.page.read_text("utf-8")
@@ -211,6 +216,23 @@ def test_a_table_of_an_event_has_no_empty_columns() -> None:
     assert table_chapter("Race", [], ("Place", "Time")).heads == ["Place", "Time"]
     some = table_chapter("Race", [["1", ""], ["2", "61.0"]], ("Place", "Time"))
     assert some.heads == ["Place", "Time"]
+
+
+def test_practice_says_why_there_is_no_plan() -> None:
+    practice = pl.DataFrame(
+        {
+            "name": ["one", "two", "three"],
+            "plan": ["planner.toml", None, None],
+            "expected_s": [500.0, None, None],
+            "reason": [None, "9 practice laps", None],
+        }
+    )
+    shown = practice_chapter(practice)
+    assert shown.rows == [
+        ["one", "from practice", "500.000"],
+        ["two", "none: 9 practice laps", ""],
+        ["three", "", ""],
+    ]
 
 
 def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:

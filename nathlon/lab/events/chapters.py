@@ -71,6 +71,19 @@ def qualifying_chapter(qualifying: pl.DataFrame) -> Chapter:
     return table_chapter("Qualifying", rows, ("Place", "Class", "Entrant", "Lap"))
 
 
+def practice_chapter(practice: pl.DataFrame) -> Chapter:
+    """Practice: what the race of each entrant is expected to take, or why it has no plan."""
+    rows = [
+        [
+            row["name"],
+            "from practice" if row["plan"] else f"none: {row['reason']}" if row["reason"] else "",
+            seconds(row["expected_s"]),
+        ]
+        for row in practice.iter_rows(named=True)
+    ]
+    return table_chapter("Practice", rows, ("Entrant", "Plan", "Expected"))
+
+
 def season_chapter(table: pl.DataFrame, circuits: Sequence[str]) -> Chapter:
     """The table of a season with races on some circuits."""
     several = of_classes(table)

@@ -160,6 +160,7 @@ def practise(
     Raises:
         InputError: if the policy cannot drive, or comes round on none of the tyres.
     """
+    on_driven(0, 1)
     [answer] = pool.open([Opening(asked[0].source, drive, (tuple(asked),))], on_driven)
     if isinstance(answer, InputError):
         raise answer
