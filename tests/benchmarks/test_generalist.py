@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks.generalist import brakes_hard, summary
+from benchmarks.generalist import Row, brakes_hard, summary
 from benchmarks.loose_ground import GROUNDS, car_on, scenario_on
 from nathlon.sim.car import load_car
 from nathlon.sim.scenario import load_scenario
@@ -47,7 +47,7 @@ def test_on_loose_ground_tyres_peak_later_and_no_lower(tmp_path: Path) -> None:
 
 
 def test_pairs_together_count_by_races() -> None:
-    row = {"at_fault_per_km": 0.0, "off_course_share": 0.0, "driver_ratio": 1.0, "wins_from_back": 1}
+    row: Row = {"at_fault_per_km": 0.0, "off_course_share": 0.0, "driver_ratio": 1.0, "wins_from_back": 1}
     rows = [
         row | {"races": 1, "finished": 1, "mean_place": 2.0},
         row | {"races": 3, "finished": 2, "mean_place": 6.0, "driver_ratio": None},
