@@ -24,7 +24,7 @@ const rowAt = (progress, lapM, rows) => Math.floor(((((progress % lapM) + lapM) 
  * @param {number} lapM
  * @param {number} progress m
  */
-export function toZone(zones, lapM, progress) {
+function toZone(zones, lapM, progress) {
   const first = rowAt(progress, lapM, zones.length);
   for (let i = 0; i < zones.length; i++) if (zones[(first + i) % zones.length]) return (i * lapM) / zones.length;
   return Infinity;
