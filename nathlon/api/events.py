@@ -38,6 +38,8 @@ from nathlon.terminal.progress import stage_progress, worker_count
 
 PRACTICE, RACE = "practice", "race"
 """Stages as progress shows them."""
+PRACTISED = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64, "reason": pl.String}
+"""What is kept of practice."""
 
 
 class EnduranceResult:
@@ -284,8 +286,7 @@ def _practise(
 ) -> pl.DataFrame:
     """A planner for each entrant that can have one, see `WeekendResult.practice`; written after each."""
     path = folder / "practice.csv"
-    schema = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64, "reason": pl.String}
-    planned = pl.read_csv(path, schema=schema) if path.is_file() else pl.DataFrame(schema=schema)
+    planned = _practised(path)
     if planned["name"].to_list() != [one.name for one in entered[: planned.height]]:
         raise InputError(f"{path}: is of other entrants, expected another folder")
     raced = load_scenario(scenario)
@@ -311,10 +312,27 @@ def _practise(
             except InputError as error:
                 reason = str(error)
         row = (one.name, plan, expected_s, reason)
-        planned = planned.vstack(pl.DataFrame([row], schema=schema, orient="row"))
+        planned = planned.vstack(pl.DataFrame([row], schema=PRACTISED, orient="row"))
         _write_table(path, planned)
         on_done(number, len(entered))
     return planned
+
+
+def _practised(path: Path) -> pl.DataFrame:
+    """What a weekend has practised so far, as it is kept in a file.
+
+    Raises:
+        InputError: if it is no such table.
+    """
+    if not path.is_file():
+        return pl.DataFrame(schema=PRACTISED)
+    try:
+        return pl.read_csv(path, schema=PRACTISED)
+    except (pl.exceptions.PolarsError, UnicodeDecodeError):
+        columns = ", ".join(PRACTISED)
+        raise InputError(
+            f"{path}: expected a table with the columns {columns}; without this file practice begins anew"
+        ) from None
 
 
 def _qualifying(entered: Sequence[Entrant], laps_s: Sequence[float | None]) -> pl.DataFrame:

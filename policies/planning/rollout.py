@@ -54,9 +54,9 @@ Floats = NDArray[np.float64]
 class RolloutDriver:
     """A driver that looks ahead.
 
-    It must be shown the world, see `nathlon.policies.planning.decide`. Alone it drives like the built-in
-    driver; among others it gives up none of its grip to care. It remembers nothing, so that a policy that is
-    taught by it sees all that it goes by.
+    It must be shown the world, see `nathlon.policies.planning.decide`. Among others it gives up none of its
+    grip to care. It remembers nothing, so that a policy that is taught by it sees all that it goes by. So it
+    goes by where it is alone too, and leaves some circuits on which the built-in driver stays.
     """
 
     reverse = paced = True

@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 
 import nathlon
+from nathlon.api import events
 from nathlon.arena.lap_chart import LAP_CHART, running_order, stints
 from nathlon.arena.leg import Leg, LegDriven, drive_leg
 from nathlon.arena.match import Match, Race, Seat
@@ -216,6 +217,17 @@ def test_a_table_of_an_event_has_no_empty_columns() -> None:
     assert table_chapter("Race", [], ("Place", "Time")).heads == ["Place", "Time"]
     some = table_chapter("Race", [["1", ""], ["2", "61.0"]], ("Place", "Time"))
     assert some.heads == ["Place", "Time"]
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [b"name,plan,expected_s\none,,\n", b"", b"\xff\xfe\n", b"name,plan,expected_s,reason\na,b,soon,\n"],
+)
+def test_practice_of_another_form_is_refused(kept: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "practice.csv"
+    path.write_bytes(kept)
+    with pytest.raises(InputError, match=r"practice\.csv: expected a table with the columns name, plan"):
+        events._practised(path)
 
 
 def test_practice_says_why_there_is_no_plan() -> None:
