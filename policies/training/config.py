@@ -24,7 +24,7 @@ from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.data_file import Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import PLAN_PACE, ObservationSpec
-from nathlon.sim.scenario import Delay
+from nathlon.sim.scenario import Delay, Rate
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
 Deviation = Annotated[float, Field(gt=0, le=1)]
@@ -79,6 +79,8 @@ class Rollouts(Section):
         demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
             what they do; see nathlon.policies.load.
         perception_delay_s: instead of the scenario's, for all cars or for each place.
+        wear_rate, fuel_rate: instead of the scenario's; so high ones that tyres and tank are soon in every
+            state of a long race.
     """
 
     scenario: str
@@ -91,6 +93,8 @@ class Rollouts(Section):
     mistakes: Annotated[float, Field(ge=0, le=1)] = 0.0
     demonstrators: tuple[str, ...] = ()
     perception_delay_s: Delay | tuple[Delay, ...] | None = None
+    wear_rate: Rate | None = None
+    fuel_rate: Rate | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Rollouts:

@@ -26,11 +26,11 @@ from nathlon.policies.training.log import Status
 from nathlon.policies.training.pairs import Pair, PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows
+from nathlon.policies.training.rollout import scenario_of, tells_pace
 from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
 from nathlon.policies.training.seeing_pupil import SeeingPupil
 from nathlon.policies.training.state import STATE_FILE, read_tensors, write_tensors
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import writing
 
 CURVE = ("rounds", "updates", "transitions", "loss", "lap_s", "off_course_share")
@@ -193,7 +193,7 @@ class Imitation:
         ]
         notes = list(school.teach(classes, self._pupil.policy, self._pupil.note))
         for each, noted in zip(classes, notes, strict=True):
-            if load_scenario(each.rollouts.scenario).cars == 1 and math.isfinite(noted.speed):
+            if math.isfinite(noted.speed) and tells_pace(scenario_of(each.rollouts, each.pair)):
                 self._draw.note(each.pair, noted.speed)
         rows = {
             name: torch.from_numpy(np.concatenate([noted.rows[name] for noted in notes]))

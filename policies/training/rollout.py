@@ -43,22 +43,22 @@ class Step(NamedTuple):
 
 
 def scenario_of(rollouts: Rollouts, pair: Pair) -> Scenario:
-    """The scenario of the races, with the perception delay and grip that they have instead of its own."""
+    """The scenario of the races, with the grip of the pair, and what the rollouts have instead of its own."""
     scenario = pair.conditions(load_scenario(rollouts.scenario))
     delay = rollouts.perception_delay_s
-    if delay is None:
-        return scenario
     if isinstance(delay, tuple) and len(delay) != scenario.cars:
         raise InputError(
             f"rollouts {rollouts.scenario}: perception_delay_s has {len(delay)} numbers, "
             f"expected one, or one for each of the scenario's {scenario.cars} cars"
         )
-    return scenario.model_copy(update={"perception_delay_s": delay})
+    own = rollouts.model_dump(include={"perception_delay_s", "wear_rate", "fuel_rate"}, exclude_none=True)
+    return scenario.model_copy(update=own)
 
 
 def tells_pace(scenario: Scenario) -> bool:
-    """Whether a car's speed in it tells of circuit and car: alone, and not of how it got back on its way."""
-    return scenario.cars == 1 and not getattr(scenario.start, "spun_share", 0.0)
+    """Whether speed in it tells of circuit and car: alone, on tyres that last, and not on the way back."""
+    spun = getattr(scenario.start, "spun_share", 0.0)
+    return scenario.cars == 1 and not scenario.wear_rate and not spun
 
 
 def learners_of(rollouts: Rollouts, cars: int) -> NDArray[np.int64]:

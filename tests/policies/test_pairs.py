@@ -91,7 +91,8 @@ def test_weights_by_which_no_pair_can_be_drawn_are_refused(weights: list[float])
 
 
 @pytest.mark.parametrize(
-    ("scenario", "expected"), [("1v0", True), ("recovery", False), ("1v1", False), ("time_trial", True)]
+    ("scenario", "expected"),
+    [("1v0", True), ("recovery", False), ("1v1", False), ("time_trial", True), ("tyre_care", False)],
 )
 def test_only_laps_alone_tell_how_well_a_pair_goes(scenario: str, expected: bool) -> None:
     assert tells_pace(load_scenario(scenario)) is expected
