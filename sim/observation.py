@@ -136,6 +136,9 @@ ERRORS = 5
 _PLAN = tuple(most for ahead_s in STATIONS_S for most in _station(ahead_s)) + (1.0,) * ERRORS
 PLAN = Field("plan", "see STATIONS_S", tuple(-most for most in _PLAN), _PLAN)
 """In the layout with a plan: its stations, then the car's errors."""
+WALLS = _flat("walls", 2, "room left, right, saturated", 0.0, 1.0)
+"""In the layout with a plan, if asked for: r / (ROOM_M + r) of the metres r from the car's centre to each wall."""
+ROOM_M = 5.0
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,7 @@ class ObservationSpec:
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
         version: of the layout: one of NUMBERED, with a camera SEEING.
         plan_pace: share of the plan's speeds that is shown, where there is a plan.
+        walls: whether the room up to the walls is seen beside a plan.
         camera: by which the car sees; None for numbers alone.
     """
 
@@ -162,6 +166,7 @@ class ObservationSpec:
     cars_behind: int = 4
     version: int = VERSION
     plan_pace: float = PLAN_PACE
+    walls: bool = False
     camera: CameraSpec | None = None
 
     def __post_init__(self) -> None:
@@ -176,6 +181,10 @@ class ObservationSpec:
             raise InputError(f"observation spec: plan_pace is {self.plan_pace!r}, expected 0.5 to 1.5")
         if self.plan_pace != PLAN_PACE and not self.planned:
             raise InputError(f"observation spec: plan_pace is given, expected version {PLANNED} beside it")
+        if self.walls not in (False, True):
+            raise InputError(f"observation spec: walls is {self.walls!r}, expected true or false")
+        if self.walls and not self.planned:
+            raise InputError(f"observation spec: walls are given, expected version {PLANNED} beside them")
         for name in ("course_points", "cars_ahead", "cars_behind"):
             value = getattr(self, name)
             if not isinstance(value, int) or not 0 <= value <= 500:
@@ -220,7 +229,8 @@ class ObservationSpec:
         if self.version == VERSION:
             return OWN + course + lists
         own = tuple(AXLE_SLIP if field.name == "progress" else field for field in OWN)
-        return (*own, *course, *lists, *((PLAN,) if self.planned else ()), CAR)
+        planned = (PLAN,) if self.planned else ()
+        return (*own, *course, *lists, *planned, *((WALLS,) if self.walls else ()), CAR)
 
     @property
     def planned(self) -> bool:
@@ -276,6 +286,8 @@ class ObservationSpec:
             del told["camera"]
         if not self.planned:
             del told["plan_pace"]  # cards of policies without a plan stay as they were
+        if not self.walls:
+            del told["walls"]
         return told
 
     @classmethod
@@ -289,7 +301,7 @@ class ObservationSpec:
         if unknown:
             raise InputError(f"observation spec: unknown field {sorted(unknown)[0]!r}")
         for name, value in data.items():
-            if isinstance(value, bool):  # which Python takes for 0 and 1
+            if isinstance(value, bool) and name != "walls":  # which Python takes for 0 and 1
                 raise InputError(f"observation spec: {name} is {value}, expected a number")
         camera = data.get("camera")
         seeing = {} if camera is None else {"camera": CameraSpec.from_dict(camera)}

@@ -23,10 +23,12 @@ from nathlon.sim.observation import (
     OPPONENT_SIZE,
     POINT_SIZE,
     PRESENT,
+    ROOM_M,
     STATION_SIZE,
     STATIONS_S,
     VELOCITY_X,
     VELOCITY_Y,
+    WALLS,
     ObservationSpec,
     X,
     Y,
@@ -40,6 +42,7 @@ from nathlon.sim.plan import X as LINE_X
 from nathlon.sim.plan import Y as LINE_Y
 from nathlon.sim.simd import add, load, multiply, store, subtract
 from nathlon.sim.state import CarRecord, Cars
+from nathlon.sim.track import WALL_LEFT, WALL_RIGHT
 from nathlon.sim.work_stealing import Tally, finish, take
 
 BLOCK = 8
@@ -83,6 +86,7 @@ class LayoutParameters(NamedTuple):
         facts: how many numbers of the car there are, at the end.
         stations: (stations,) float64, s of travel to where the plan is seen; none where it is not.
         plan_pace: share of the plan's speeds that is shown.
+        walls: how many numbers of the room up to the walls there are.
     """
 
     mean: NDArray[np.float32]
@@ -93,6 +97,7 @@ class LayoutParameters(NamedTuple):
     facts: int
     stations: NDArray[np.float64]
     plan_pace: float
+    walls: int
 
 
 @cache
@@ -108,6 +113,7 @@ def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
         spec.facts,
         np.array(STATIONS_S if spec.planned else (), np.float64),
         float(spec.plan_pace),
+        WALLS.size if spec.walls else 0,
     )
 
 
@@ -219,14 +225,17 @@ def observe_car(
     mean, scale = layout.mean, layout.scale
     lists = OWN_SIZE + POINT_SIZE * layout.points
     facts = len(values) - layout.facts
-    plan = facts
+    walls = facts - layout.walls
+    plan = walls
     if len(layout.stations) > 0:
         plan -= STATION_SIZE * len(layout.stations) + ERRORS
     observe_self(field[index], values, p)
     find_opponents(field, index, layout.ahead, nearby, p.course)
     observe_opponents(field, index, nearby.nearest, values[lists:plan])
     if len(layout.stations) > 0:
-        observe_plan(field[index], values[plan:facts], layout, p)
+        observe_plan(field[index], values[plan:walls], layout, p)
+    if layout.walls > 0:
+        observe_walls(field[index], values[walls:facts], p.course)
     if layout.facts > 0:
         observe_slip(field[index], values)
         for k in range(layout.facts):
@@ -348,6 +357,14 @@ def observe_plan(car: CarRecord, values: np.ndarray, layout: LayoutParameters, p
             values[k + 2] = saturated(faster, 0.05)
             values[k + 3] = saturated(slip, 0.05)
             values[k + 4] = saturated(car.yaw_rate - curvature * velocity, 0.1)
+
+
+@lean_inlined
+def observe_walls(car: CarRecord, values: np.ndarray, course: CourseParameters) -> None:
+    """The room from the car's centre to the walls, before standardisation."""
+    line = course.table[car.row]
+    left, right = line[WALL_LEFT] - car.lateral, line[WALL_RIGHT] + car.lateral
+    values[0], values[1] = saturated(max(left, 0.0), ROOM_M), saturated(max(right, 0.0), ROOM_M)
 
 
 @lean_inlined

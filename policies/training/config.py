@@ -205,6 +205,7 @@ class ObservationSettings(Section):
     cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
     version: Literal[2, 3, 4] = 2
     plan_pace: Annotated[float, Field(ge=0.5, le=1.5)] = PLAN_PACE
+    walls: bool = False
     camera: Annotated[Camera | None, Field(exclude_if=lambda camera: camera is None)] = None
 
     def spec(self) -> ObservationSpec:
