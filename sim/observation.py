@@ -137,7 +137,7 @@ _PLAN = tuple(most for ahead_s in STATIONS_S for most in _station(ahead_s)) + (1
 PLAN = Field("plan", "see STATIONS_S", tuple(-most for most in _PLAN), _PLAN)
 """In the layout with a plan: its stations, then the car's errors."""
 WALLS = _flat("walls", 2, "room left, right, saturated", 0.0, 1.0)
-"""In the layout with a plan, if asked for: r / (ROOM_M + r) of the metres r from the car's centre to each wall."""
+"""In the layout with a plan, if asked for: r / (ROOM_M + r), r metres from the car's centre to a wall."""
 ROOM_M = 5.0
 
 
@@ -181,7 +181,7 @@ class ObservationSpec:
             raise InputError(f"observation spec: plan_pace is {self.plan_pace!r}, expected 0.5 to 1.5")
         if self.plan_pace != PLAN_PACE and not self.planned:
             raise InputError(f"observation spec: plan_pace is given, expected version {PLANNED} beside it")
-        if self.walls not in (False, True):
+        if not isinstance(self.walls, bool):
             raise InputError(f"observation spec: walls is {self.walls!r}, expected true or false")
         if self.walls and not self.planned:
             raise InputError(f"observation spec: walls are given, expected version {PLANNED} beside them")

@@ -331,6 +331,7 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         cars_behind=max(spec.cars_behind for spec in specs),
         version=layout.version,
         plan_pace=layout.plan_pace,
+        walls=any(spec.walls for spec in specs),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -108,6 +109,13 @@ class TestSpec:
         assert "plan_pace" not in without.to_dict()
         assert ObservationSpec.from_dict(spec.to_dict() | {"plan_pace": 0.9}).plan_pace == 0.9
 
+    def test_walls_stand_beside_a_plan_and_cards_without_them_stay_as_they_were(self) -> None:
+        spec, without = (ObservationSpec(version=PLANNED, walls=walls) for walls in (True, False))
+        assert [field.name for field in spec.fields][-3:] == ["plan", "walls", "car"]
+        assert spec.size == without.size + 2
+        assert "walls" not in without.to_dict()
+        assert ObservationSpec.from_dict(json.loads(json.dumps(spec.to_dict()))) == spec
+
     def test_another_version_cannot_drive(self) -> None:
         data = ObservationSpec().to_dict() | {"version": PLANNED + 1}
         with pytest.raises(InputError, match="version is 5, this simulator makes versions 2, 3, 4"):
@@ -122,6 +130,9 @@ class TestSpec:
             ({"cars_ahead": -1}, "cars_ahead is -1, expected a whole number from 0"),
             ({"plan_pace": 0.9}, "plan_pace is given, expected version 4 beside it"),
             ({"version": PLANNED, "plan_pace": 2.0}, "plan_pace is 2.0, expected 0.5 to 1.5"),
+            ({"walls": True}, "walls are given, expected version 4 beside them"),
+            ({"version": PLANNED, "walls": 1}, "walls is 1, expected true or false"),
+            ({"version": True}, "version is True, expected a number"),
             ({"horizon_s": 0.0}, "horizon_s is 0.0, expected 0 to 60 s"),
             ({"colour": "red"}, "unknown field 'colour'"),
         ],
@@ -378,6 +389,16 @@ class TestPlan:
         )
         rest = np.delete(with_plan, ObservationSpec(version=PLANNED).slice("plan"))
         assert rest.tobytes() == without.tobytes()
+
+    @pytest.mark.parametrize("lateral", [0.0, 4.0, -9.0])
+    def test_walls_are_as_far_as_the_car_has_room(self, lateral: float) -> None:
+        track, plan = round_the_circle(2.0, 40.0)  # the walls are 15 m from the centre line
+        world = world_with(track, [30.0], lateral=lateral)
+        world.show(plan)
+        room = np.array([15.0 - lateral, 15.0 + lateral])
+        see = raw(world, replace(self.SPEC, walls=True))
+        np.testing.assert_allclose(see["walls"], room / (5.0 + room), atol=1e-3)
+        np.testing.assert_array_equal(see["plan"], raw(world, self.SPEC)["plan"])
 
     def test_a_row_does_not_depend_on_those_beside_it(self) -> None:
         track, plan = round_the_circle(2.0, 40.0)
