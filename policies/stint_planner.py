@@ -114,8 +114,10 @@ class StintPlanner(AtFullPace):
         best = search.after_stop(left, fuel_kg, rest, compound)
         return tank_kg if best is None else best.fuel_kg
 
-    def _search(self, laps: int, pit: PitParameters, tank_kg: float) -> tuple[StintSearch, Rest]:
-        search = StintSearch(self._model, pit, tank_kg)
+    def _search(
+        self, laps: int, pit: PitParameters, tank_kg: float, treaded: bool = False
+    ) -> tuple[StintSearch, Rest]:
+        search = StintSearch(self._treaded if treaded else self._model, pit, tank_kg)
         return search, search.rest(laps)
 
     def _roads(self, wall: PitWall, laps: int) -> list[_Road]:
@@ -136,10 +138,14 @@ class StintPlanner(AtFullPace):
             laps,
             lambda film_mm: float((new_s * in_water(names, film_mm)).min()),
         )
+        dry = self._searched(wall.laps or AHEAD, wall.pit, wall.tank_kg, True)
+        wet = np.flatnonzero(films.any(axis=1))
+        if not len(wet):
+            return _Road(weather.chance, *dry)
         longer = np.vstack([in_water(names, films).mean(axis=1), np.ones(len(names))])[::-1]
         by_compound = dict(zip(names, longer.T, strict=True))
         search = StintSearch(self._treaded, wall.pit, wall.tank_kg, by_compound)
-        return _Road(weather.chance, search, search.rest(laps))
+        return _Road(weather.chance, search, search.rest(laps, dry[1][: laps - int(wet[-1])]))
 
     def _choices(self, roads: Sequence[_Road]) -> list[str | None]:
         """What may be fitted now, not knowing which road comes; None for what is fastest on the only one."""

@@ -100,10 +100,15 @@ class StintSearch:
         sets = [_tyres(one, laps) for one in model.compound for laps in range(1, len(one.lap_s) + 1)]
         self._tyres = [tyres for tyres in sets if tyres.need_kg <= tank_kg]
 
-    def rest(self, laps: int) -> Rest:
-        """What is left of a race of up to so many laps, with as many stops as are fastest."""
-        rest: Rest = [np.zeros(CELLS + 1)]
-        for left in range(1, laps + 1):
+    def rest(self, laps: int, known: Rest | None = None) -> Rest:
+        """What is left of a race of up to so many laps, with as many stops as are fastest.
+
+        Args:
+            laps: to go.
+            known: the same of fewer laps, at least of none.
+        """
+        rest: Rest = list(known or [np.zeros(CELLS + 1)])
+        for left in range(len(rest), laps + 1):
             rest.append(self._from_stop(left, rest))
         return rest
 
