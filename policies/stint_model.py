@@ -21,8 +21,10 @@ Numbers = Annotated[
 ]
 
 
-GRIP_POWER = 0.5
-"""A lap takes longer by this power of the grip that is lost."""
+GRIP_POWER = 0.8
+"""A lap takes longer by this power of the share of grip that is left, as the built-in driver's do."""
+WEAR_POWER = 2.0
+"""Of its grip, by which a compound that grips less wears less: it slides with less force, and slower."""
 
 
 class CompoundLaps(Section):
@@ -113,7 +115,8 @@ def with_treads(model: StintModel) -> StintModel:
 
 def _reckoned(practised: CompoundLaps, name: str) -> CompoundLaps:
     """Laps on another compound than that which was practised."""
-    grip, wear = compound_ratio(practised.name, name)
+    grip, faster = compound_ratio(practised.name, name)
+    wear = faster * grip**WEAR_POWER
     laps = [practised.laps(age, 1) for age in wear * np.arange(len(practised.lap_s))]
     return CompoundLaps(
         name=name,

@@ -60,9 +60,9 @@ def raced(forecast: tuple[Weather, ...], came: int = 0, film_mm: float = 0.0) ->
 
 
 def test_a_road_that_stays_wet_is_worth_a_stop_as_soon_as_it_is() -> None:
-    """Heavy rain from the third lap on: slicks up to its end, as it takes that long to be wet."""
-    assert raced((rain(3, 20.0),)) == [(0, "racing-medium"), (3, "wet")]
-    assert raced((rain(3, 5.0),)) == [(0, "racing-medium"), (4, "intermediate")]
+    """From the third lap on: heavy rain makes it wet within that lap, light rain later."""
+    assert raced((rain(3, 20.0),)) == [(0, "racing-medium"), (2, "wet")]
+    assert raced((rain(3, 5.0),)) == [(0, "racing-medium"), (3, "intermediate")]
 
 
 def test_nobody_stops_for_a_shower_that_is_over_before_the_tyres_pay() -> None:
@@ -96,7 +96,7 @@ def test_tyres_at_the_start_are_those_that_are_best_in_the_mean(chance: float, t
 
 def test_what_fell_decides_which_weather_counts() -> None:
     """A shower that does not pay and rain that does begin alike: at the end of that lap it is known which."""
-    forecast = rain(3, 6.0, until=6), rain(3, 14.0, until=8), DRY
+    forecast = rain(3, 4.0, until=5), rain(3, 14.0, until=8), DRY
     assert [raced(forecast, came) for came in range(3)] == [
         [(0, "racing-medium")],
         [(0, "racing-medium"), (3, "wet")],
