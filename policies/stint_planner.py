@@ -121,10 +121,12 @@ class StintPlanner(AtFullPace):
         return search, search.rest(laps)
 
     def _roads(self, wall: PitWall, laps: int) -> list[_Road]:
-        """What the road may be in so many laps to go: one that is dry where there is no forecast."""
+        """What the road may be in so many laps to go: one that is dry where no water is forecast."""
         if not wall.forecast:
             return [_Road(1.0, *self._searched(wall.laps or AHEAD, wall.pit, wall.tank_kg))]
-        return [self._road(wall, weather, laps) for weather in wall.forecast]
+        roads = [self._road(wall, weather, laps) for weather in wall.forecast]
+        same = all(road.search is roads[0].search for road in roads)
+        return [roads[0]._replace(chance=1.0)] if same else roads
 
     def _road(self, wall: PitWall, weather: Weather, laps: int) -> _Road:
         names = [compound.name for compound in self._treaded.compound]

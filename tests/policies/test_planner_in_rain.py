@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,24 +38,23 @@ def raced(forecast: tuple[Weather, ...], came: int = 0, film_mm: float = 0.0) ->
     for lap in range(LAPS):
         left = tuple(one for one in forecast if one.agrees(forecast[came], time_s, lap + 1))
         whole = sum(one.chance for one in left)
-        known = {
+        known: dict[str, Any] = {
             "film_mm": film_mm,
             "time_s": time_s,
             "forecast": tuple(one.model_copy(update={"chance": one.chance / whole}) for one in left),
             "laps_done": np.array([lap]),
         }
         if lap == 0:
-            service = planner.start(wall(0, **known))
-            fitted.append((0, str(service.compound)))
+            fitted.append((0, str(planner.start(wall(0, **known)).compound)))
         name = fitted[-1][1]
         wear = float(compounds[name].wear[age - 1]) if age else 0.0
-        service = planner.decide(wall(lap, compounds=(name,), wear=np.full(4, wear), **known))
+        stop = planner.decide(wall(lap, compounds=(name,), wear=np.full(4, wear), **known))
         films = films_ahead(forecast[came], film_mm, 0.0, time_s, lap + 1, 1, lambda _: LAP_S)
         time_s += compounds[name].lap_s[age] * in_water([name], films).mean()
         film_mm = film_after(films[0, -1], forecast[came].rain_mm_h(time_s, lap + 1), 0.0, LAP_S / films.size)
         age += 1
-        if service is not None:
-            fitted.append((lap + 1, str(service.compound)))
+        if stop is not None:
+            fitted.append((lap + 1, str(stop.compound)))
             age = 0
     return fitted
 
@@ -111,5 +111,5 @@ def test_a_forecast_of_dry_weather_changes_no_decision() -> None:
     for lap, late, worn, fuel_kg in product((0, 4, 8, 11), (0, 1), (0.2, 0.9), (5.0, 60.0)):
         wear, name = worn * rng.uniform(0.9, 1.1, 4), str(rng.choice(["racing-soft", "racing-hard"]))
         dry = wall(lap, ends_lap=lap + late, wear=wear, fuel_kg=fuel_kg, compounds=(name,))
-        assert planner.decide(dry._replace(forecast=(none,))) == planner.decide(dry)
+        assert planner.decide(dry._replace(forecast=(none, DRY))) == planner.decide(dry)
     assert planner.start(wall(0, forecast=(none, DRY))) == planner.start(wall(0))
