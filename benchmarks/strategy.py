@@ -96,7 +96,7 @@ def lap_wise(model: StintModel, both: Sequence[Strategist], laps: int, tank_kg: 
         for turn in range(2):
             rng = np.random.default_rng(seed)
             race = LapRace(model, laps, pit, tank_kg, [0.0] * len(cars), rng)
-            strategists = [both[number] for number in (cars + turn) % 2]
+            strategists = [both[number] for number in ((cars + turn) % 2).tolist()]
             for car, strategist in enumerate(strategists):
                 race.fit(car, strategist.start(race.wall(car)))
             for _ in range(laps):
