@@ -213,6 +213,8 @@ class PitWalls:
             pit=self._world.parameters.rules.pit,
             tank_kg=float(self._world.parameters_of(race, car).fuel_capacity),
             penalty_s=cars["penalty_s"].copy(),
+            time_s=float(self._world.time[race]),
+            cars_per_km=np.count_nonzero(cars["driving"]) / (track.length / 1000.0),
             film_mm=float(cars["film"][car]),
             rain_mm_h=self._world.rain_mm_h(race),
             forecast=self._forecast(race),

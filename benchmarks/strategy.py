@@ -1,22 +1,23 @@
-"""Whether a planner stops when it should: against fixed plans, alone on the road and in a field of twenty.
+"""Whether a planner stops when it should: against fixed plans, alone on the road and in fields of twenty.
 
 `python -m benchmarks.strategy --json FILE [--seeds N] [--field-seeds N] [--laps N] [--circuits NAME,NAME]
 [--policy NAME] [--out FOLDER]` has a policy practise (`nathlon stints`), the champion of each circuit if none
-is named, and then races its planner against plans without a stop and of one, two and three stops with even
-stints, each on the compound that the model likes best for it. The folder keeps what was practised and every
+is named, and then races its planner against plans of none to five stops with even stints, each on the
+compound that the model likes best for it. The folder keeps what was practised and every
 match that was driven: after a stop the same command goes on with the match that it was in. Circuits that FILE
 has and that are not raced anew are kept. Figures by circuit:
 
 - `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
   out;
 - `expected_s`: of the fixed plans, by the model;
-- `field`: mean place of planners and of the best fixed plan, ten cars each, by seed, with the hours that were
-  driven and the seconds on the clock; every grid is also raced the other way round;
-- `lap_wise`: mean place of the planners in as many races lap by lap (`LapRace`) as LAP_WISE, likewise.
+- `fields`: of the planner against the best fixed plan, and of that against the next best, ten cars each:
+  their mean places by seed, with the hours that were driven and the seconds on the clock; every grid is also
+  raced the other way round. `lap_wise` is the first one's mean place in as many races lap by lap (`LapRace`)
+  as LAP_WISE, likewise.
 
 On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
-at most 0.3 % longer than the best fixed plan did; `places_gained` on the best fixed plan in the field;
-`places_error`, by which the planners' mean place lap by lap is off; `model_error`, the mean share of race
+at most 0.3 % longer than the best fixed plan did; `places_gained` by it on the best fixed plan in the field;
+`places_error`, by which mean places lap by lap are off; `model_error`, the mean share of race
 time by which the model errs on fixed plans; and `hours_a_minute`, hours of twenty cars' racing in a minute.
 """
 
@@ -27,6 +28,7 @@ import json
 import os
 import time
 from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -56,7 +58,7 @@ from nathlon.sim.whole_file import whole_file
 CARS = {"lindenring": "gt3", "porto-sereno": "coupe", "grandes-landes": "prototype"}
 """By circuit, those of the champions."""
 SCENARIO = "grand_prix_stops"
-STOPS = (0, 1, 2, 3)
+STOPS = range(6)
 NEAR = 1.003
 LAP_WISE = 20
 """Races lap by lap from each grid."""
@@ -85,17 +87,16 @@ def even(model: StintModel, laps: int, stops: int, tank_kg: float) -> tuple[Stin
     )
 
 
-def lap_wise(model: StintModel, stints: Sequence[Stint], laps: int, tank_kg: float) -> float:
-    """Mean place of planners among as many cars with a plan, lap by lap; over both grids."""
+def lap_wise(model: StintModel, both: Sequence[Strategist], laps: int, tank_kg: float) -> float:
+    """Mean place of the first of two strategists, each with half of the cars, lap by lap; over both grids."""
     scenario = load_scenario(SCENARIO)
     pit, cars = rule_parameters(load_rules(scenario.rules)).pit, np.arange(scenario.cars)
-    both: list[Strategist] = [StintPlanner(model), StintPlan(stints)]
     places = []
     for seed in range(LAP_WISE):
         for turn in range(2):
             rng = np.random.default_rng(seed)
             race = LapRace(model, laps, pit, tank_kg, [0.0] * len(cars), rng)
-            strategists = [both[number] for number in (cars + turn) % 2]
+            strategists = [both[number] for number in ((cars + turn) % 2).tolist()]
             for car, strategist in enumerate(strategists):
                 race.fit(car, strategist.start(race.wall(car)))
             for _ in range(laps):
@@ -149,19 +150,18 @@ def alone(
 
 
 def field(
-    planner: str, fixed: str, circuit: str, laps: int, seeds: Sequence[int], folder: Path
-) -> list[dict[str, float]]:
+    both: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int], folder: Path
+) -> list[dict[str, Any]]:
     """Mean places of two strategies, ten cars each, by seed, with hours and s taken; over both grids."""
     told = []
     for seed in seeds:
         races = [Race(seed, tuple(Seat((slot + turn) % 2) for slot in range(20))) for turn in range(2)]
-        results = run([planner, fixed], f"{SCENARIO}:laps={laps}", circuit, races, folder)
+        results = run(both.values(), f"{SCENARIO}:laps={laps}", circuit, races, folder)
         seats = np.array([seat.entrant for race in races for seat in race.seats])
         places = results.sort("race", "car")["place"].to_numpy()
         told.append(
             {
-                PLANNER: float(places[seats == 0].mean()),
-                "fixed": float(places[seats == 1].mean()),
+                "places": {name: float(places[seats == number].mean()) for number, name in enumerate(both)},
                 "hours": float(results["driven_s"].to_numpy().max()) * len(races) / 3600.0,
                 "wall_s": float(results["wall_s"][0]),
             }
@@ -202,15 +202,24 @@ def measure(
     gone = [name for name in sources if not np.isfinite(driven[name]).all()]
     for name in gone:
         del sources[name], fixed[name], driven[name]
-    best = min(sources, key=lambda name: fmean(driven[name]))
+    ranked = sorted(sources, key=lambda name: fmean(driven[name]))
+    sources[PLANNER] = str(planner)
+    strategists: dict[str, Strategist] = {name: StintPlan(stints) for name, stints in fixed.items()} | {
+        PLANNER: StintPlanner(model)
+    }
     return {
         "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
         "expected_s": {
             name: round(expected_s(model, stints, laps, tank_kg), 3) for name, stints in fixed.items()
         },
-        "best": best,
-        "field": field(str(planner), sources[best], circuit, laps, in_field, folder),
-        "lap_wise": round(lap_wise(model, fixed[best], laps, tank_kg), 2),
+        "fields": [
+            {
+                "strategies": both,
+                "races": field({name: sources[name] for name in both}, circuit, laps, in_field, folder),
+                "lap_wise": round(lap_wise(model, [strategists[name] for name in both], laps, tank_kg), 2),
+            }
+            for both in pairwise([PLANNER, *ranked[:2]])
+        ],
     }
 
 
@@ -228,11 +237,14 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None
             for s in times
             if np.isfinite(s)
         ]
-        gained += [race["fixed"] - race[PLANNER] for race in one["field"]]
-        if one["field"]:
-            off.append(abs(fmean(race[PLANNER] for race in one["field"]) - one["lap_wise"]))
-        hours += sum(race["hours"] for race in one["field"])
-        wall_s += sum(race["wall_s"] for race in one["field"])
+        for meeting in one["fields"]:
+            (first, second), races = meeting["strategies"], meeting["races"]
+            if first == PLANNER:
+                gained += [race["places"][second] - race["places"][first] for race in races]
+            if races:
+                off.append(abs(fmean(race["places"][first] for race in races) - meeting["lap_wise"]))
+            hours += sum(race["hours"] for race in races)
+            wall_s += sum(race["wall_s"] for race in races)
     return {
         "within_0.3_percent": round(fmean(near), 3),
         "places_gained": round(fmean(gained), 2) if gained else None,

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from nathlon.sim.car import load_compounds
+from nathlon.sim.car import compound_ratio, load_compounds
 from nathlon.sim.data_file import Section
 from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import MOST_LAPS
+from nathlon.sim.weather import wet_share
 
 Floats = NDArray[np.float64]
 Numbers = Annotated[
     tuple[Annotated[float, Field(ge=-1e4, le=1e5)], ...], Field(min_length=1, max_length=MOST_LAPS)
 ]
+
+
+GRIP_POWER = 0.8
+"""A lap takes longer by this power of the share of grip that is left, as the built-in driver's do."""
+WEAR_POWER = 2.0
+"""Of its grip, by which a compound that grips less wears less: it slides with less force, and slower."""
 
 
 class CompoundLaps(Section):
@@ -85,6 +93,37 @@ class StintModel(Section):
         if len(set(names)) < len(names):
             raise ValueError("a compound comes twice, expected each once")
         return self
+
+
+def in_water(compounds: Sequence[str], film_mm: Floats | float) -> Floats:
+    """By how many times longer laps take on compounds in water, (..., compounds), as many as are depths."""
+    displaced = np.array([load_compounds()[name].film_mm for name in compounds])
+    return wet_share(np.asarray(film_mm)[..., None], displaced) ** -GRIP_POWER
+
+
+def with_treads(model: StintModel) -> StintModel:
+    """A model with the compounds for wet roads too.
+
+    Those that were not practised are reckoned, as on dry road, from the one that was longest: by what they
+    grip and how fast they wear.
+    """
+    known, named = load_compounds(), [one.name for one in model.compound]
+    longest = max(model.compound, key=lambda one: len(one.lap_s))
+    added = [_reckoned(longest, name) for name, one in known.items() if one.treaded and name not in named]
+    return model.model_copy(update={"compound": (*model.compound, *added)})
+
+
+def _reckoned(practised: CompoundLaps, name: str) -> CompoundLaps:
+    """Laps on another compound than that which was practised."""
+    grip, faster = compound_ratio(practised.name, name)
+    wear = faster * grip**WEAR_POWER
+    laps = [practised.laps(age, 1) for age in wear * np.arange(len(practised.lap_s))]
+    return CompoundLaps(
+        name=name,
+        lap_s=tuple(float(lap_s[0]) * grip**-GRIP_POWER for lap_s, _ in laps),
+        used_kg=tuple(float(used_kg[0]) for _, used_kg in laps),
+        wear=tuple(wear * worn for worn in practised.wear),
+    )
 
 
 def service_s(pit: PitParameters, tyres: bool, added_kg: Floats) -> Floats:

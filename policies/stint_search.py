@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -48,10 +49,13 @@ class NextStint(NamedTuple):
 
 
 class _Tyres(NamedTuple):
-    """Laps on a new set of tyres: s with an empty tank, kg used, and kg used before each lap, added up."""
+    """Laps on a new set of tyres: s each and together on dry road with an empty tank, kg used, and kg used
+    before each lap, added up.
+    """
 
     compound: str
     laps: int
+    lap_s: Floats
     seconds: float
     used_kg: float
     before_kg: float
@@ -76,17 +80,35 @@ class StintSearch:
     A stint begins with what it needs, or with more where carrying fuel takes less than filling it in later.
     """
 
-    def __init__(self, model: StintModel, pit: PitParameters, tank_kg: float) -> None:
-        """A search where stops take what `pit` says."""
-        self._model, self._pit = model, pit
+    def __init__(
+        self,
+        model: StintModel,
+        pit: PitParameters,
+        tank_kg: float,
+        in_water: Mapping[str, Floats] | None = None,
+    ) -> None:
+        """A search where stops take what `pit` says.
+
+        Args:
+            model: of the laps.
+            pit, tank_kg: what a stop takes, and the tank holds.
+            in_water: by compound, (laps + 1,) by how many times longer a lap takes with 0, 1... laps to go
+                when it begins; None on dry road.
+        """
+        self._model, self._pit, self._in_water = model, pit, in_water
         self._fuel_kg = np.linspace(0.0, tank_kg, CELLS + 1)
         sets = [_tyres(one, laps) for one in model.compound for laps in range(1, len(one.lap_s) + 1)]
         self._tyres = [tyres for tyres in sets if tyres.need_kg <= tank_kg]
 
-    def rest(self, laps: int) -> Rest:
-        """What is left of a race of up to so many laps, with as many stops as are fastest."""
-        rest: Rest = [np.zeros(CELLS + 1)]
-        for left in range(1, laps + 1):
+    def rest(self, laps: int, known: Rest | None = None) -> Rest:
+        """What is left of a race of up to so many laps, with as many stops as are fastest.
+
+        Args:
+            laps: to go.
+            known: the same of fewer laps, at least of none.
+        """
+        rest: Rest = list(known or [np.zeros(CELLS + 1)])
+        for left in range(len(rest), laps + 1):
             rest.append(self._from_stop(left, rest))
         return rest
 
@@ -97,9 +119,21 @@ class StintSearch:
             rests.append([None, *(self._from_stop(left, rests[-1]) for left in range(1, laps + 1))])
         return rests
 
-    def first(self, laps: int, rest: Rest) -> NextStint | None:
+    def lap_s(self, compound: str, lap_s: Floats, left: int) -> Floats:
+        """What laps (n,) on a compound take on this road that take some time on dry road, s.
+
+        Args:
+            compound: of the tyres.
+            lap_s: (n,) on dry road.
+            left: laps to go when the first begins.
+        """
+        if self._in_water is None:
+            return lap_s
+        return lap_s * self._in_water[compound][left - np.arange(len(lap_s))]
+
+    def first(self, laps: int, rest: Rest, compound: str | None = None) -> NextStint | None:
         """The stint from the start of a race, for which the tank is filled before; None if there is none."""
-        ways = self._ways(laps, rest)
+        ways = self._ways(laps, rest, compound=compound)
         return None if ways is None else self._best(ways, ways.seconds)
 
     def after_stop(
@@ -119,9 +153,13 @@ class StintSearch:
         ways = self._ways(left, rest, fuel_kg, compound)
         return None if ways is None else self._best(ways, self._stopped(ways, fuel_kg))
 
-    def seconds(self, left: int, fuel_kg: float, rest: Rest) -> float:
-        """What is left from a stop on to which a car comes with some fuel, s; inf if there is no way."""
-        known = rest[left]
+    def seconds(self, left: int, fuel_kg: float, rest: Rest, compound: str | None = None) -> float:
+        """What is left from a stop on to which a car comes with some fuel, s; inf if there is no way.
+
+        Args:
+            left, fuel_kg, rest, compound: as for `after_stop`.
+        """
+        known = rest[left] if compound is None else self._from_stop(left, rest, compound)
         return np.inf if known is None else float(np.interp(fuel_kg, self._fuel_kg, known))
 
     def _best(self, ways: _Departures, seconds: Floats) -> NextStint:
@@ -130,8 +168,8 @@ class StintSearch:
         fuel_kg = round(float(ways.fuel_kg[best]), 1)
         return NextStint(tyres.compound, tyres.laps, fuel_kg, tyres.used_kg, float(seconds[best]))
 
-    def _from_stop(self, left: int, rest: Rest) -> Floats | None:
-        ways = self._ways(left, rest)
+    def _from_stop(self, left: int, rest: Rest, compound: str | None = None) -> Floats | None:
+        ways = self._ways(left, rest, compound=compound)
         if ways is None:
             return None
         return self._stopped(ways, self._fuel_kg[:, None]).min(axis=1)
@@ -158,14 +196,21 @@ class StintSearch:
             carried = tyres.laps * fuel - tyres.before_kg
             then_s = np.interp(fuel - tyres.used_kg, self._fuel_kg, after)
             fuels.append(fuel)
-            seconds.append(tyres.seconds + self._model.fuel_s_kg * carried + then_s)
+            seconds.append(self._driving_s(tyres, left) + self._model.fuel_s_kg * carried + then_s)
             numbers.append(np.full(len(fuel), number))
         if not fuels:
             return None
         return _Departures(np.concatenate(fuels), np.concatenate(seconds), np.concatenate(numbers))
 
+    def _driving_s(self, tyres: _Tyres, left: int) -> float:
+        """What they take with an empty tank, begun with so many laps to go."""
+        if self._in_water is None:
+            return tyres.seconds
+        return float(self.lap_s(tyres.compound, tyres.lap_s, left).sum())
+
 
 def _tyres(compound: CompoundLaps, laps: int) -> _Tyres:
     lap_s, used_kg = np.array(compound.lap_s[:laps]), np.array(compound.used_kg[:laps])
     used = np.cumsum(used_kg)
-    return _Tyres(compound.name, laps, float(lap_s.sum()), float(used[-1]), float((used - used_kg).sum()))
+    before_kg = float((used - used_kg).sum())
+    return _Tyres(compound.name, laps, lap_s, float(lap_s.sum()), float(used[-1]), before_kg)

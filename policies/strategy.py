@@ -36,6 +36,8 @@ class PitWall(NamedTuple):
         pit: what a stop takes.
         tank_kg: fuel in a full tank.
         penalty_s: that all cars (cars,) have still to serve, s.
+        time_s: since the start.
+        cars_per_km: that drive, on a kilometre of the circuit: they throw water off the road.
         film_mm: water on the road.
         rain_mm_h: how hard it rains.
         forecast: weathers that agree with the rain so far, with their chances; none without weather.
@@ -55,6 +57,8 @@ class PitWall(NamedTuple):
     pit: PitParameters
     tank_kg: float
     penalty_s: NDArray[np.float64]
+    time_s: float = 0.0
+    cars_per_km: float = 0.0
     film_mm: float = 0.0
     rain_mm_h: float = 0.0
     forecast: tuple[Weather, ...] = ()

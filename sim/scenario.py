@@ -275,7 +275,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "cars", "person", "compound", "rules", "delay", "grip", "hours", "hz", "blur", "noise")
+SETTINGS = "laps, cars, person, compound, rules, delay, grip, rain, hours, hz, blur, noise"
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -286,8 +286,8 @@ def load_scenario(name: str) -> Scenario:
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
     cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
     is that of all cars, and a delay, s, that with which all of them see; rules are the stewards'; a grip is a
-    multiple of that of every surface when dry; hz is how often all cars act a second; blur and noise are of
-    all cameras.
+    multiple of that of every surface when dry, rain a share of what falls and lies; hz is how often all cars
+    act a second; blur and noise are of all cameras.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
@@ -318,18 +318,22 @@ def _setting(name: str, scenario: Scenario, key: str, value: str) -> dict[str, A
             load_rules(value)
             return {"rules": value}
         case "delay":
-            return {"perception_delay_s": _delay(name, value)}
+            seconds = _number(name, "delay", value, Delay, f"seconds from 0 to {LONGEST_DELAY_S}")
+            return {"perception_delay_s": seconds}
         case "grip":
             return {"grip": _grip(name, value)}
+        case "rain":
+            share = _number(name, "rain", value, Annotated[float, Field(ge=0, le=1)], "a share from 0 to 1")
+            less = tuple(one.with_share(share) for one in scenario.weather)
+            return {"weather": less, "film_mm": share * scenario.film_mm}
         case "hz":
-            return {
-                "action_hz": _number(name, "hz", value, Hertz, f"actions a second that divide {DYNAMICS_HZ}")
-            }
+            rates = f"actions a second that divide {DYNAMICS_HZ}"
+            return {"action_hz": _number(name, "hz", value, Hertz, rates)}
         case "blur":
             return {"blur": int(_number(name, "blur", value, Blur, f"a number from 0 to {MOST_BLUR}"))}
         case "noise":
             return {"noise": _number(name, "noise", value, Noise, f"a deviation from 0 to {MOST_NOISE:g}")}
-    raise InputError(f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}")
+    raise InputError(f"scenario {name!r}: unknown setting {key!r}, expected one of {SETTINGS}")
 
 
 def _other_laps(name: str, scenario: Scenario, laps: str) -> dict[str, float]:
@@ -380,10 +384,6 @@ def _compound(name: str, compound: str) -> str:
         known = ", ".join(load_compounds())
         raise InputError(f"scenario {name!r}: compound {compound!r} is unknown, expected one of {known}")
     return compound
-
-
-def _delay(name: str, delay: str) -> float:
-    return _number(name, "delay", delay, Delay, f"seconds from 0 to {LONGEST_DELAY_S}")
 
 
 def _grip(name: str, grip: str) -> SurfaceGrip:

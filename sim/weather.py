@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -18,6 +19,9 @@ SPRAY_MM_H = 0.6
 """What cars throw off the road, for each car on a kilometre."""
 AQUAPLANING = 0.45
 """Share of its grip that any tyre is left with in deep water."""
+
+PARTS = 10
+"""Of a lap, for each of which it is said how much water lies on the road."""
 
 Rain = Annotated[float, Field(ge=0, le=200)]
 """mm/h; 2 is light, 10 heavy rain."""
@@ -65,6 +69,11 @@ class Weather(Section):
         begun = self._begun(time_s, lap)
         return begun[-1].rain_mm_h if begun else 0.0
 
+    def with_share(self, share: float) -> Weather:
+        """The same with a share of its rain."""
+        showers = [one.model_copy(update={"rain_mm_h": share * one.rain_mm_h}) for one in self.shower]
+        return self.model_copy(update={"shower": tuple(showers)})
+
     def agrees(self, other: Weather, time_s: float, lap: int) -> bool:
         """Whether the showers that have begun by a time are those of another weather."""
         return self._begun(time_s, lap) == other._begun(time_s, lap)
@@ -96,7 +105,38 @@ def film_after(film_mm: float, rain_mm_h: float, cars_per_km: float, time_s: flo
     return max(end + (film_mm - end) * math.exp(-time_s / DRAINAGE_S), 0.0)
 
 
-def wet_share(film_mm: float, tyre_film: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def films_ahead(
+    weather: Weather,
+    film_mm: float,
+    cars_per_km: float,
+    time_s: float,
+    lap: int,
+    laps: int,
+    lap_s: Callable[[float], float],
+) -> NDArray[np.float64]:
+    """The water on the road in the coming laps, (laps, PARTS) mm, at the beginning of each part.
+
+    Args:
+        weather: that comes.
+        film_mm, cars_per_km: of now; as many cars go on.
+        time_s: since the start.
+        lap: that the leader is in, 1 being the first; it begins its laps when they are begun here.
+        laps: how many.
+        lap_s: what a lap takes in some water.
+    """
+    films = np.empty((laps, PARTS))
+    for coming in range(laps):
+        for part in range(PARTS):
+            films[coming, part] = film_mm
+            lasts_s = lap_s(film_mm) / PARTS
+            rain = weather.rain_mm_h(time_s, lap + coming)
+            film_mm, time_s = film_after(film_mm, rain, cars_per_km, lasts_s), time_s + lasts_s
+    return films
+
+
+def wet_share(
+    film_mm: NDArray[np.float64] | float, tyre_film: NDArray[np.float64] | float
+) -> NDArray[np.float64]:
     """Share of their grip that tyres have in water.
 
     Args:

@@ -289,8 +289,7 @@ def _practise(
     planned = _practised(path)
     if planned["name"].to_list() != [one.name for one in entered[: planned.height]]:
         raise InputError(f"{path}: is of other entrants, expected another folder")
-    raced = load_scenario(scenario)
-    planned_for = raced.wear_rate > 0.0 and not raced.weather
+    planned_for = load_scenario(scenario).wear_rate > 0.0
     for number, one in enumerate(entered[planned.height :], planned.height + 1):
         plan: str | None = None
         expected_s: float | None = None

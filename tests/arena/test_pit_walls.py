@@ -149,7 +149,9 @@ def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
     world.state["progress"] = 1.0
     walls.listen()
     started, first = strategist.walls
-    assert (started.film_mm, started.rain_mm_h) == (0.2, 0.0)
+    assert (started.film_mm, started.rain_mm_h, started.time_s) == (0.2, 0.0, 0.0)
+    assert first.time_s == pytest.approx(0.1)
+    assert first.cars_per_km == pytest.approx(1000.0 / track.length)
     # The shower that would have begun by now has not.
     assert [one.chance for one in first.forecast] == [0.75, 0.25]
     assert [one.shower for one in first.forecast] == [weather[0].shower, weather[1].shower]

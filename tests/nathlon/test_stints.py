@@ -22,6 +22,7 @@ from nathlon.policies.stint_search import SPARE_KG
 from nathlon.policies.strategy import PitWall
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import PitParameters
+from nathlon.sim.scenario import load_scenario
 
 COMPOUNDS = ("racing-soft", "racing-hard")
 FRESH, WEAR, FUEL_S, START_S, STOP_S, USED = (100.0, 101.5), (1.5, 0.4), 0.03, 6.0, 14.0, 4.0
@@ -155,6 +156,14 @@ def test_one_run_on_each_compound_is_too_few() -> None:
 
 def test_settings_of_a_scenario_are_kept() -> None:
     assert with_settings("grand_prix_stops:laps=9", cars=1) == "grand_prix_stops:laps=9,cars=1"
+    assert Place.alone("grand_prix_stops", "lindenring", "gt3").scenario == "grand_prix_stops:cars=1,laps=12"
+
+
+def test_practice_is_in_the_dry() -> None:
+    """Whatever falls in the race: rain would pass for worn tyres."""
+    practised = load_scenario(Place.alone("grand_prix_rain", "lindenring", "gt3").scenario)
+    assert practised.wear_rate == load_scenario("grand_prix_rain").wear_rate
+    assert not any(one.rain_mm_h(300.0, 3) for one in practised.weather)
 
 
 @pytest.mark.parametrize("scenario", ["grand_prix", "standing_start"])

@@ -450,11 +450,21 @@ def test_grip_in_the_name_is_that_of_all_surfaces() -> None:
         ("race:person=2,cars=4", "says of each car what it does, expected no setting cars"),
         ("race:grip=0", "grip is '0', expected a multiple from 0.05 to 1.5"),
         ("race:grip=wet", "grip is 'wet', expected a multiple"),
+        ("grand_prix_rain:rain=2", "rain is '2', expected a share from 0 to 1"),
     ],
 )
 def test_settings_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         load_scenario(name)
+
+
+def test_a_share_of_the_rain_falls_and_lies() -> None:
+    """The weathers are still those that may come, with their chances."""
+    whole, half = (load_scenario(f"grand_prix_rain{share}") for share in ("", ":rain=0.5"))
+    assert [one.chance for one in half.weather] == [one.chance for one in whole.weather]
+    assert [one.rain_mm_h(300.0, 1) for one in whole.weather] == [6.0, 14.0, 0.0]
+    assert [one.rain_mm_h(300.0, 1) for one in half.weather] == [3.0, 7.0, 0.0]
+    assert load_scenario("drying_road:rain=0.5").film_mm == 0.2
 
 
 def test_a_dirty_lens_is_before_cameras_alone_and_adds_to_their_own_faults() -> None:

@@ -71,7 +71,7 @@ class Place(NamedTuple):
 
     @classmethod
     def alone(cls, scenario: str, circuit: str, car: str) -> Place:
-        """In a scenario, but alone.
+        """In a scenario, but alone and in the dry.
 
         Raises:
             InputError: if it is not driven in two laps or more, or nothing wears in it.
@@ -83,7 +83,8 @@ class Place(NamedTuple):
                 "expected a race of two laps or more on tyres that wear"
             )
         laps = min(wanted.laps, MOST_STINT_LAPS)
-        return cls(with_settings(scenario, cars=1, laps=laps), circuit, car)
+        settings = {"cars": 1, "laps": laps} | ({"rain": 0} if wanted.weather else {})
+        return cls(with_settings(scenario, **settings), circuit, car)
 
     @property
     def laps(self) -> int:
