@@ -130,7 +130,7 @@ def judge(variant: str, raced: list[tuple[Duel, pl.DataFrame]]) -> dict[str, Any
         for duel, results in own
     ]
     points = [table["difference"].item() for table in tables]
-    low, high = _t_interval(points) or tables[0].select("difference_low", "difference_high").row(0)
+    low, high = t_interval(points) or tables[0].select("difference_low", "difference_high").row(0)
     figures: dict[str, Any] = {
         "seeds": len(own),
         "points": round(float(np.mean(points)), 2),
@@ -140,7 +140,7 @@ def judge(variant: str, raced: list[tuple[Duel, pl.DataFrame]]) -> dict[str, Any
     }
     for name, mine in (("at_fault_per_km", True), ("base_at_fault_per_km", False)):
         rates = [_at_fault(results, duel.entrant, mine) for duel, results in own]
-        bounds = _t_interval(rates) or (None, None)
+        bounds = t_interval(rates) or (None, None)
         figures[name] = round(float(np.mean(rates)), 4)
         for end, bound in zip(("low", "high"), bounds, strict=True):
             figures[f"{name}_{end}"] = None if bound is None else round(max(bound, 0.0), 4)
@@ -163,7 +163,7 @@ def _at_fault(results: pl.DataFrame, entrant: str, own: bool) -> float:
     return float(1000 * contacts / metres)
 
 
-def _t_interval(values: list[float]) -> tuple[float, float] | None:
+def t_interval(values: list[float]) -> tuple[float, float] | None:
     """Of the mean of independent values; None of one."""
     if len(values) < 2:
         return None

@@ -185,5 +185,7 @@ fma: Any = intrinsic(_function("fma", 3))
 negate: Any = intrinsic(_negate)
 absolute: Any = intrinsic(_absolute)
 sqrt: Any = intrinsic(_function("sqrt", 1))
+floor: Any = intrinsic(_function("floor", 1))
+ceil: Any = intrinsic(_function("ceil", 1))
 copysign: Any = intrinsic(_copysign)
 """`copysign(a, b)`: a with the sign of b."""

@@ -13,49 +13,63 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.simd import (
+    LANES,
+    add,
+    ceil,
+    divide,
+    floor,
+    fma,
+    greater,
+    load,
+    logical_or,
+    select,
+    store,
+    subtract,
+)
 
-CORNERS = 9
+CORNERS = 3 * LANES
 """Of a polygon at most."""
 RED_AND_BLUE, GREEN = np.uint32(0xFF00FF), np.uint32(0x00FF00)
 HALF = np.float32(0.5)
 
 Colour = np.uint32
 """Packed."""
+Four = tuple[np.float32, np.float32, np.float32, np.float32]
 
 
 class Polygons(NamedTuple):
     """What is to be drawn, in this order.
 
     Attributes:
-        xs, ys: (most, CORNERS) float32, corners, pixels from the top left.
+        xs, ys: (most, CORNERS + 1) float32, corners, pixels from the top left, then the first one again as
+            often as it takes to come to the end of a vector of edges.
+        seams: (most, CORNERS) float32, 1 where the edge after a corner is a seam, else 0.
         corners: (most,) int64, how many there are.
-        seams: (most,) int64, bit i is set where the edge after corner i is a seam.
         colour: (most,) uint32, packed.
         number: (1,) int64, of polygons there are.
     """
 
     xs: NDArray[np.float32]
     ys: NDArray[np.float32]
+    seams: NDArray[np.float32]
     corners: NDArray[np.int64]
-    seams: NDArray[np.int64]
     colour: NDArray[np.uint32]
     number: NDArray[np.int64]
 
 
 class Edges(NamedTuple):
-    """Those of the polygon that is drawn, (CORNERS,) each.
+    """Those of the polygon that is drawn, (CORNERS,) float32 each.
 
     Attributes:
-        start, slope: float32, x at the middle of row y is `start + slope * y`.
-        begin, end: int64, the rows that an edge crosses.
-        seam: int64, whether it is one.
+        start, slope: x at the middle of row y is `start + slope * y`.
+        first, last: of the rows that an edge crosses; the last one is above the first where there is none.
     """
 
     start: NDArray[np.float32]
     slope: NDArray[np.float32]
-    begin: NDArray[np.int64]
-    end: NDArray[np.int64]
-    seam: NDArray[np.int64]
+    first: NDArray[np.float32]
+    last: NDArray[np.float32]
 
 
 class Canvas(NamedTuple):
@@ -72,17 +86,15 @@ class Canvas(NamedTuple):
 
 def new_polygons(most: int) -> Polygons:
     """Room for so many polygons."""
-    xs, ys = np.zeros((2, most, CORNERS), np.float32)
-    corners, seams = np.zeros((2, most), np.int64)
-    return Polygons(xs, ys, corners, seams, np.zeros(most, np.uint32), np.zeros(1, np.int64))
+    xs, ys = np.zeros((2, most, CORNERS + 1), np.float32)
+    seams, corners = np.zeros((most, CORNERS), np.float32), np.zeros(most, np.int64)
+    return Polygons(xs, ys, seams, corners, np.zeros(most, np.uint32), np.zeros(1, np.int64))
 
 
 def new_canvas(width: int, height: int) -> Canvas:
     """A canvas for a picture of so many pixels."""
-    start, slope = np.zeros((2, CORNERS), np.float32)
-    begin, end, seam = np.zeros((3, CORNERS), np.int64)
     pixels = np.zeros((height, width), np.uint32)
-    return Canvas(pixels, Edges(start, slope, begin, end, seam))
+    return Canvas(pixels, Edges(*np.zeros((4, CORNERS), np.float32)))
 
 
 @lean_inlined
@@ -112,33 +124,84 @@ def shows(xs: np.ndarray, ys: np.ndarray, corners: int, width: int, height: int)
 
 
 @lean_inlined
+def keep(corners: int, colour: Colour, polygons: Polygons) -> None:
+    """Add the polygon whose corners and seams stand behind those that there are."""
+    place = polygons.number[0]
+    xs, ys = polygons.xs[place], polygons.ys[place]
+    for i in range(corners, whole(corners) + 1):
+        xs[i], ys[i] = xs[0], ys[0]
+    polygons.corners[place], polygons.colour[place] = corners, colour
+    polygons.number[0] += 1
+
+
+@lean_inlined
+def whole(corners: int) -> int:
+    """How many corners there are with those that fill up a vector."""
+    return (corners + LANES - 1) // LANES * LANES
+
+
+@lean_inlined
 def draw(polygons: Polygons, canvas: Canvas) -> None:
     """Draw all polygons, one over the other."""
     pixels, edges = canvas.pixels, canvas.edges
-    height, width = pixels.shape
+    height, width = np.float32(pixels.shape[0]), np.float32(pixels.shape[1])
+    nothing = np.float32(0.0)
     for polygon in range(polygons.number[0]):
-        xs, ys = polygons.xs[polygon], polygons.ys[polygon]
-        corners, seams = polygons.corners[polygon], polygons.seams[polygon]
-        x0, y0, row0 = xs[corners - 1], ys[corners - 1], row_at(ys[corners - 1], height)
-        seam = seams >> (corners - 1) & 1
-        first, last = height, 0
-        for i in range(corners):
-            x1, y1, row1 = xs[i], ys[i], row_at(ys[i], height)
-            edges.begin[i], edges.end[i], edges.seam[i] = min(row0, row1), max(row0, row1), seam
-            slope = (x1 - x0) / (y1 - y0) if row0 != row1 else np.float32(0.0)
-            edges.start[i], edges.slope[i] = x0 + (HALF - y0) * slope, slope
-            first, last = min(first, row1), max(last, row1)
-            x0, y0, row0, seam = x1, y1, row1, seams >> i & 1
-        colour = polygons.colour[polygon]
-        for y in range(first, last):
-            left, right = np.float32(width), np.float32(0.0)
-            for i in range(corners):
-                if edges.begin[i] <= y < edges.end[i]:
-                    x = edges.start[i] + np.float32(y) * edges.slope[i]
-                    if edges.seam[i]:
-                        x = np.float32(math.floor(x + HALF))
-                    left, right = min(left, x), max(right, x)
-            draw_span(pixels[y], left, right, colour)
+        xs, ys, seams = polygons.xs[polygon], polygons.ys[polygon], polygons.seams[polygon]
+        corners, colour = whole(polygons.corners[polygon]), polygons.colour[polygon]
+        top, bottom = height, nothing
+        for at in range(0, corners, LANES):
+            highest, lowest = set_edges(xs, ys, at, height, edges)
+            top, bottom = min(top, highest), max(bottom, lowest)
+        for row in range(int(top), int(bottom)):
+            y = np.float32(row)
+            left, right = width, nothing
+            for at in range(0, corners, LANES):
+                x = fma(load(edges.slope, at), y, load(edges.start, at))
+                x = select(greater(load(seams, at), nothing), floor(add(x, HALF)), x)
+                elsewhere = logical_or(greater(load(edges.first, at), y), greater(y, load(edges.last, at)))
+                left = min(left, least(select(elsewhere, width, x)))
+                right = max(right, greatest(select(elsewhere, nothing, x)))
+            draw_span(pixels[row], left, right, colour)
+
+
+@lean_inlined
+def set_edges(
+    xs: np.ndarray, ys: np.ndarray, at: int, height: np.float32, edges: Edges
+) -> tuple[np.float32, np.float32]:
+    """Set a vector of edges, after the corners from `at` on; returns their first row and their end."""
+    x, y = load(xs, at), load(ys, at)
+    slope = divide(subtract(load(xs, at + 1), x), subtract(load(ys, at + 1), y))
+    row, after = rows_at(y, height), rows_at(load(ys, at + 1), height)
+    down = greater(after, row)
+    first, end = select(down, row, after), select(down, after, row)
+    store(edges.slope, at, slope)
+    store(edges.start, at, fma(subtract(HALF, y), slope, x))
+    store(edges.first, at, first)
+    store(edges.last, at, subtract(end, np.float32(1.0)))
+    return least(first), greatest(end)
+
+
+@lean_inlined
+def rows_at(y: Four, height: np.float32) -> Four:
+    """As `row_at` of each of four numbers."""
+    row = ceil(subtract(y, HALF))
+    row = select(greater(row, np.float32(0.0)), row, np.float32(0.0))
+    return select(greater(height, row), row, height)
+
+
+@lean_inlined
+def least(numbers: Four) -> np.float32:
+    """Of four numbers."""
+    a, b, c, d = numbers
+    return min(min(a, b), min(c, d))
+
+
+@lean_inlined
+def greatest(numbers: Four) -> np.float32:
+    """Of four numbers."""
+    a, b, c, d = numbers
+    return max(max(a, b), max(c, d))
 
 
 @lean_inlined

@@ -391,5 +391,5 @@ def glow(places: np.ndarray, corners: int) -> None:
     if high - low < np.float32(1.0):
         stretch = np.float32(1.0) / max(high - low, np.float32(1e-6))
         middle = np.float32(0.5) * (low + high)
-        for i in range(corners):
+        for i in range(len(places)):
             places[i] = middle + stretch * (places[i] - middle)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.sim.camera.canvas import Colour, Polygons, shows
+from nathlon.sim.camera.canvas import Colour, Polygons, keep, shows
 from nathlon.sim.camera_spec import MOUNTS, CameraSpec
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.state import CarRecord
@@ -113,15 +113,15 @@ def add_polygon(
         how many corners it has.
     """
     place = polygons.number[0]
-    xs, ys = polygons.xs[place], polygons.ys[place]
-    seen = kept_seams = 0
+    xs, ys, kept = polygons.xs[place], polygons.ys[place], polygons.seams[place]
+    seen = 0
     for i in range(count):
         x, y, z = solid[i, 0], solid[i, 1], solid[i, 2]
-        seam = seams >> i & 1
+        seam = np.float32(seams >> i & 1)
         if z >= NEAR_M:
             xs[seen] = lens.middle_x + lens.focal_x * x / z
             ys[seen] = lens.middle_y + lens.focal_y * y / z
-            kept_seams |= seam << seen
+            kept[seen] = seam
             seen += 1
         j = i + 1 if i + 1 < count else 0
         after = solid[j, 2]
@@ -130,12 +130,11 @@ def add_polygon(
             x, y = x + share * (solid[j, 0] - x), y + share * (solid[j, 1] - y)
             xs[seen] = lens.middle_x + lens.focal_x * x / NEAR_M
             ys[seen] = lens.middle_y + lens.focal_y * y / NEAR_M
-            kept_seams |= seam << seen
+            kept[seen] = seam
             seen += 1
     if seen < 3:
         return 0
     if not (glows or shows(xs, ys, seen, lens.width, lens.height)):
         return 0
-    polygons.corners[place], polygons.seams[place], polygons.colour[place] = seen, kept_seams, colour
-    polygons.number[0] += 1
+    keep(seen, colour, polygons)
     return seen

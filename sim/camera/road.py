@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import Colour, Polygons, blend, row_at, shows
+from nathlon.sim.camera.canvas import Colour, Four, Polygons, blend, keep, row_at, shows
 from nathlon.sim.camera.lens import AHEAD, DOWN, NEAR_M, PLACE, RIGHT, Lens, add_polygon
 from nathlon.sim.camera.scenery import (
     BLOCK,
@@ -31,6 +31,7 @@ from nathlon.sim.camera.scenery import (
     Scenery,
 )
 from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.simd import LANES, divide, fma, greater, load, multiply, select, store, subtract
 
 HAZE_M = np.float32(420.0)
 """At this distance, two thirds of a colour are haze."""
@@ -151,18 +152,30 @@ def view(node: int, row: int, camera: np.ndarray, lens: Lens, bands: Bands, scen
     bands.ahead[node] = False
     if bands.behind[node]:
         return
-    for line in range(LINES):
-        dx, dy, dz = points[line] - x, points[LINES + line] - y, points[2 * LINES + line] - z
-        right = dx * camera[RIGHT] + dy * camera[RIGHT + 1] + dz * camera[RIGHT + 2]
-        down = dx * camera[DOWN] + dy * camera[DOWN + 1] + dz * camera[DOWN + 2]
-        ahead = dx * camera[AHEAD] + dy * camera[AHEAD + 1] + dz * camera[AHEAD + 2]
-        scale = np.float32(1.0) / max(ahead, NEAR_M)
-        seen[X, line], seen[Y, line], seen[Z, line] = right, down, ahead
-        seen[COLUMN, line] = lens.middle_x + lens.focal_x * right * scale
-        seen[ROW, line] = lens.middle_y + lens.focal_y * down * scale
+    one = np.float32(1.0)
+    for line in range(0, LINES, LANES):
+        away = (
+            subtract(load(points, line), x),
+            subtract(load(points, LINES + line), y),
+            subtract(load(points, 2 * LINES + line), z),
+        )
+        right, down, ahead = along(away, camera, RIGHT), along(away, camera, DOWN), along(away, camera, AHEAD)
+        scale = divide(one, select(greater(ahead, NEAR_M), ahead, NEAR_M))
+        store(seen[X], line, right)
+        store(seen[Y], line, down)
+        store(seen[Z], line, ahead)
+        store(seen[COLUMN], line, fma(multiply(lens.focal_x, right), scale, lens.middle_x))
+        store(seen[ROW], line, fma(multiply(lens.focal_y, down), scale, lens.middle_y))
     ends = seen[Z, LAND_LEFT], seen[Z, LAND_RIGHT]
     bands.ahead[node] = min(ends[0], ends[1]) >= CLEAR_M
     bands.behind[node] = max(ends[0], ends[1]) < NEAR_M
+
+
+@lean_inlined
+def along(away: tuple[Four, Four, Four], camera: np.ndarray, axis: int) -> Four:
+    """How far four points lie along an axis of a camera, m."""
+    dx, dy, dz = away
+    return fma(dz, camera[axis + 2], fma(dx, camera[axis], multiply(dy, camera[axis + 1])))
 
 
 @lean_inlined
@@ -222,16 +235,16 @@ def add_band(
         left, right = STRIPS[strip, 0], STRIPS[strip, 1]
         if whole:
             place = polygons.number[0]
-            xs, ys = polygons.xs[place], polygons.ys[place]
+            xs, ys, seams = polygons.xs[place], polygons.ys[place], polygons.seams[place]
             xs[0], ys[0] = one[COLUMN, left], one[ROW, left]
             xs[1], ys[1] = other[COLUMN, left], other[ROW, left]
             xs[2], ys[2] = other[COLUMN, right], other[ROW, right]
             xs[3], ys[3] = one[COLUMN, right], one[ROW, right]
             if not shows(xs, ys, 4, lens.width, lens.height):
                 continue
-            polygons.corners[place], polygons.seams[place] = 4, ALONG
-            polygons.colour[place] = blend(colour, haze, share)
-            polygons.number[0] += 1
+            for edge in range(4):
+                seams[edge] = ALONG >> edge & 1
+            keep(4, blend(colour, haze, share), polygons)
         else:
             for axis in range(3):
                 solid[0, axis], solid[1, axis] = one[axis, left], other[axis, left]

@@ -44,5 +44,5 @@ def test_each_variant_meets_the_base_of_its_seed(kept: Path) -> None:
 def test_intervals_over_seeds_are_student_s() -> None:
     values = [1.0, -2.5, 4.0]
     expected = stats.t.interval(0.95, 2, np.mean(values), stats.sem(values))
-    assert ablation._t_interval(values) == pytest.approx(expected)
-    assert ablation._t_interval(values[:1]) is None
+    assert ablation.t_interval(values) == pytest.approx(expected)
+    assert ablation.t_interval(values[:1]) is None

@@ -13,8 +13,10 @@ from nathlon.sim.simd import (
     LANES,
     absolute,
     add,
+    ceil,
     copysign,
     divide,
+    floor,
     fma,
     greater,
     load,
@@ -42,6 +44,8 @@ def combine(a: np.ndarray, b: np.ndarray, at: int, out: np.ndarray) -> None:
             negate(x),
             absolute(x),
             sqrt(absolute(x)),
+            floor(x),
+            ceil(x),
             copysign(x, y),
             select(greater(x, y), x, y),
             select(logical_or(greater(x, y), greater(y, x)), x, add(y, y)),
@@ -62,7 +66,7 @@ def test_four_numbers_from_anywhere_in_a_row_are_those_of_numpy(
     dtype: type[np.floating], data: st.DataObject, at: int
 ) -> None:
     a, b = data.draw(rows(dtype)), data.draw(rows(dtype))
-    came = np.full((10, ROW), 7.0, dtype)
+    came = np.full((12, ROW), 7.0, dtype)
     combine(a, b, at, came)
     there = slice(at, at + LANES)
     x, y = a[there], b[there]
@@ -75,6 +79,8 @@ def test_four_numbers_from_anywhere_in_a_row_are_those_of_numpy(
             -x,
             np.abs(x),
             np.sqrt(np.abs(x)),
+            np.floor(x),
+            np.ceil(x),
             np.copysign(x, y),
             np.maximum(x, y),
             np.where(x == y, y + y, x),
