@@ -21,7 +21,7 @@ AHEAD = 60
 """Laps for which it plans where a race has no number of laps."""
 
 
-class _Road(NamedTuple):
+class _Outlook(NamedTuple):
     """What may come: with which chance, and the fastest stints there."""
 
     chance: float
@@ -62,13 +62,13 @@ class StintPlanner(AtFullPace):
     def start(self, wall: PitWall) -> Service:
         """See `nathlon.policies.strategy.Strategist.start`."""
         laps = wall.laps or AHEAD
-        roads = self._roads(wall, laps)
+        outlooks = self._outlooks(wall, laps)
         first = {
-            name: [road.search.first(laps, road.rest, name) for road in roads]
-            for name in self._choices(roads)
+            name: [outlook.search.first(laps, outlook.rest, name) for outlook in outlooks]
+            for name in self._choices(outlooks)
         }
         taken_s = {
-            name: _mean(roads, [stint.seconds if stint else np.inf for stint in stints])
+            name: _mean(outlooks, [stint.seconds if stint else np.inf for stint in stints])
             for name, stints in first.items()
         }
         return _service(first[min(taken_s, key=taken_s.__getitem__)]) or Service(self._model.compound[0].name)
@@ -79,24 +79,26 @@ class StintPlanner(AtFullPace):
             return None
         laps = wall.laps - wall.lap if wall.laps else AHEAD
         left = laps - (wall.ends_lap - wall.lap)
-        roads = self._roads(wall, laps)
-        on = [self._drive_on(wall, road, laps) for road in roads]
+        outlooks = self._outlooks(wall, laps)
+        on = [self._drive_on(wall, outlook, laps) for outlook in outlooks]
         stop_s = {
             name: _mean(
-                roads,
+                outlooks,
                 [
-                    way.entry_s + road.search.seconds(left, way.entry_kg, road.rest, name)
-                    for road, way in zip(roads, on, strict=True)
+                    way.entry_s + outlook.search.seconds(left, way.entry_kg, outlook.rest, name)
+                    for outlook, way in zip(outlooks, on, strict=True)
                 ],
             )
-            for name in self._choices(roads)
+            for name in self._choices(outlooks)
         }
         best = min(stop_s, key=stop_s.__getitem__)
-        later_s = _mean(roads, [min(way.end_s, way.later_s) for way in on])
-        if stop_s[best] > later_s or stop_s[best] >= _mean(roads, [way.end_s for way in on]):
+        later_s = _mean(outlooks, [min(way.end_s, way.later_s) for way in on])
+        if stop_s[best] > later_s or stop_s[best] >= _mean(outlooks, [way.end_s for way in on]):
             return None
         fuel_kg = max(on[0].entry_kg, 0.0)
-        return _service([road.search.after_stop(left, fuel_kg, road.rest, best) for road in roads])
+        return _service(
+            [outlook.search.after_stop(left, fuel_kg, outlook.rest, best) for outlook in outlooks]
+        )
 
     def fuel_for(self, compound: str, left: int, fuel_kg: float, pit: PitParameters, tank_kg: float) -> float:
         """Fuel for the fastest stint on a compound with so many laps to go; a full tank if none lasts.
@@ -120,15 +122,15 @@ class StintPlanner(AtFullPace):
         search = StintSearch(self._treaded if treaded else self._model, pit, tank_kg)
         return search, search.rest(laps)
 
-    def _roads(self, wall: PitWall, laps: int) -> list[_Road]:
+    def _outlooks(self, wall: PitWall, laps: int) -> list[_Outlook]:
         """What the road may be in so many laps to go: one that is dry where no water is forecast."""
         if not wall.forecast:
-            return [_Road(1.0, *self._searched(wall.laps or AHEAD, wall.pit, wall.tank_kg))]
-        roads = [self._road(wall, weather, laps) for weather in wall.forecast]
-        same = all(road.search is roads[0].search for road in roads)
-        return [roads[0]._replace(chance=1.0)] if same else roads
+            return [_Outlook(1.0, *self._searched(wall.laps or AHEAD, wall.pit, wall.tank_kg))]
+        outlooks = [self._outlook(wall, weather, laps) for weather in wall.forecast]
+        same = all(outlook.search is outlooks[0].search for outlook in outlooks)
+        return [outlooks[0]._replace(chance=1.0)] if same else outlooks
 
-    def _road(self, wall: PitWall, weather: Weather, laps: int) -> _Road:
+    def _outlook(self, wall: PitWall, weather: Weather, laps: int) -> _Outlook:
         names = [compound.name for compound in self._treaded.compound]
         new_s = np.array([compound.lap_s[0] for compound in self._treaded.compound])
         films = films_ahead(
@@ -143,17 +145,17 @@ class StintPlanner(AtFullPace):
         dry = self._searched(wall.laps or AHEAD, wall.pit, wall.tank_kg, True)
         wet = np.flatnonzero(films.any(axis=1))
         if not len(wet):
-            return _Road(weather.chance, *dry)
+            return _Outlook(weather.chance, *dry)
         longer = np.vstack([in_water(names, films).mean(axis=1), np.ones(len(names))])[::-1]
         by_compound = dict(zip(names, longer.T, strict=True))
         search = StintSearch(self._treaded, wall.pit, wall.tank_kg, by_compound)
-        return _Road(weather.chance, search, search.rest(laps, dry[1][: laps - int(wet[-1])]))
+        return _Outlook(weather.chance, search, search.rest(laps, dry[1][: laps - int(wet[-1])]))
 
-    def _choices(self, roads: Sequence[_Road]) -> list[str | None]:
+    def _choices(self, outlooks: Sequence[_Outlook]) -> list[str | None]:
         """What may be fitted now, not knowing which road comes; None for what is fastest on the only one."""
-        return [None] if len(roads) == 1 else [compound.name for compound in self._treaded.compound]
+        return [None] if len(outlooks) == 1 else [compound.name for compound in self._treaded.compound]
 
-    def _drive_on(self, wall: PitWall, road: _Road, laps: int) -> _DrivingOn:
+    def _drive_on(self, wall: PitWall, outlook: _Outlook, laps: int) -> _DrivingOn:
         """What so many laps to go take on the tyres that the car has, up to the next stop or the end."""
         model = self._treaded if wall.forecast else self._model
         known = {compound.name: compound for compound in model.compound}
@@ -161,22 +163,22 @@ class StintPlanner(AtFullPace):
         dry_s, used_kg = compound.laps(compound.age(float(wall.wear.mean())), laps)
         used = np.concatenate([[0.0], np.cumsum(used_kg)])
         left_kg = wall.fuel_kg - used
-        lap_s = road.search.lap_s(compound.name, dry_s, laps)
+        lap_s = outlook.search.lap_s(compound.name, dry_s, laps)
         taken = np.cumsum(lap_s + self._model.fuel_s_kg * np.maximum(left_kg[:-1], 0.0))
         taken_s, soonest, later_s = [0.0, *taken.tolist()], wall.ends_lap - wall.lap, np.inf
         for driven in range(soonest + 1, laps):
             # A stop at once is always possible, also for a car that will not reach its entry.
             if left_kg[driven] < LEAST_SPARE_KG:
                 break
-            rest_s = road.search.seconds(laps - driven, float(left_kg[driven]), road.rest)
+            rest_s = outlook.search.seconds(laps - driven, float(left_kg[driven]), outlook.rest)
             later_s = min(later_s, taken_s[driven] + rest_s)
         end_s = taken_s[laps] if left_kg[laps] >= LEAST_SPARE_KG else np.inf
         return _DrivingOn(taken_s[soonest], float(left_kg[soonest]), end_s, later_s)
 
 
-def _mean(roads: Sequence[_Road], seconds: Sequence[float]) -> float:
+def _mean(outlooks: Sequence[_Outlook], seconds: Sequence[float]) -> float:
     """What is expected of something that takes so long on each road."""
-    return float(sum(road.chance * one for road, one in zip(roads, seconds, strict=True)))
+    return float(sum(outlook.chance * one for outlook, one in zip(outlooks, seconds, strict=True)))
 
 
 def _service(stints: Sequence[NextStint | None]) -> Service | None:
