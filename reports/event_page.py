@@ -21,6 +21,7 @@ class Chapter(NamedTuple):
         heads, rows: of its table; none without one.
         names: heads of columns that hold no numbers.
         picture: PNG in base64; empty without one.
+        link: of a page that tells more; empty without one.
     """
 
     title: str
@@ -28,6 +29,7 @@ class Chapter(NamedTuple):
     rows: Sequence[Sequence[str]] = ()
     names: frozenset[str] = frozenset()
     picture: str = ""
+    link: str = ""
 
 
 TEXTS = frozenset({"Entrant", "Class", "Compound", "Ending", "Plan"})

@@ -256,17 +256,19 @@ def season(
             given,
             circuit=circuit,
             seed=seed + number,
-            out=folder / f"{number + 1}-{Path(circuit).stem}",
+            out=folder / f"{number + 1}-{_short(circuit)}",
             **options,
         )
         for number, circuit in enumerate(circuits)
     ]
     table = season_table({one.circuit: one.results for one in weekends})
     _write_table(folder / "table.csv", table)
-    chapters = [season_chapter(table, [Path(circuit).stem for circuit in circuits])]
+    chapters = [season_chapter(table, list(map(_short, circuits)))]
     for one in weekends:
-        chapters.append(race_chapter(one.results, Path(one.circuit).stem))
-        chapters.append(lap_chapter(one.laps, f"{Path(one.circuit).stem}: laps"))
+        where = _short(one.circuit)
+        own_page = one.page.relative_to(folder).as_posix()
+        chapters.append(race_chapter(one.results, where)._replace(link=own_page))
+        chapters.append(lap_chapter(one.laps, f"{where}: laps"))
     several = of_classes(table)
     won = [
         f"{name} wins the season{f' in {of_class}' if several else ''} with {points:g} points"
@@ -274,6 +276,12 @@ def season(
     ]
     page = write_event_page(folder, "; ".join(won), f"{len(weekends)} weekends", chapters)
     return SeasonResult(folder, table, weekends, page)
+
+
+def _short(circuit: str) -> str:
+    """The name of a circuit, or that of its folder or file."""
+    path = Path(circuit)
+    return path.parent.name if path.name == "circuit.toml" else path.stem
 
 
 def _practise(

@@ -201,7 +201,15 @@ def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
     assert pl.read_csv(practised)["name"].to_list() == ["one", "two"]
     written = {path.name for path in weekend.folder.iterdir()}
     assert {"index.html", "laps.csv", "legs", "practice.csv", "results.csv"} <= written
-    assert "nobody has completed one" in result.page.read_text("utf-8")
+    page = result.page.read_text("utf-8")
+    assert "nobody has completed one" in page
+    assert '<a href="1-porto-sereno/index.html">porto-sereno</a>' in page
+    assert weekend.page == tmp_path / "1-porto-sereno" / "index.html"
+
+
+def test_a_circuit_of_a_file_is_called_as_its_folder() -> None:
+    names = ["lindenring", "made/street-7", "made/street-7/circuit.toml", "made/oval.toml"]
+    assert list(map(events._short, names)) == ["lindenring", "street-7", "street-7", "oval"]
 
 
 def test_a_circuit_is_raced_once_a_season() -> None:
