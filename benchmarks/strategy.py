@@ -7,16 +7,16 @@ compound that the model likes best for it. The folder keeps what was practised a
 match that was driven: after a stop the same command goes on with the match that it was in. Circuits that FILE
 has and that are not raced anew are kept. Figures by circuit:
 
-- `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
-  out;
-- `expected_s`: of the fixed plans, by the model;
-- `fields`: of the planner against the best fixed plan, and of that against the next best, ten cars each:
-  their mean places by seed, with the hours that were driven and the seconds on the clock; every grid is also
-  raced the other way round. `lap_wise` is the first one's mean place in as many races lap by lap (`LapRace`)
-  as LAP_WISE, likewise.
+- `alone`: race time by strategy and seed, s; null where the car did not come to the end;
+- `expected_s`: of the fixed plans that came to the end of some race, by the model;
+- `fields`: of the planner against the best of the fixed plans that came to the end of every race, and of that
+  against the next best, ten cars each: their mean places by seed, with the hours that were driven and the
+  seconds on the clock; every grid is also raced the other way round. `lap_wise` is the first one's mean place
+  in as many races lap by lap (`LapRace`) as LAP_WISE, likewise. None where no plan did.
 
-On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
-at most 0.3 % longer than the best fixed plan did; `places_gained` by it on the best fixed plan in the field;
+On the last line, over all circuits: `races` alone in which some fixed plan came to the end, and in how many
+of them, `near`, and in which share, `within_0.3_percent`, the planner took at most 0.3 % longer than the best
+plan of that race; `places_gained` by it on the best fixed plan in the field;
 `places_error`, by which mean places lap by lap are off; `model_error`, the mean share of race
 time by which the model errs on fixed plans; and `hours_a_minute`, hours of twenty cars' racing in a minute.
 """
@@ -136,14 +136,14 @@ def written(folder: Path, policy: str, name: str, stints: Sequence[Stint]) -> st
 
 def alone(
     sources: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int], folder: Path
-) -> dict[str, list[float]]:
-    """Race times without anybody else, s, by strategy; inf for who did not finish."""
-    taken: dict[str, list[float]] = {name: [] for name in sources}
+) -> dict[str, list[float | None]]:
+    """Race times without anybody else, s, by strategy; None for who did not finish."""
+    taken: dict[str, list[float | None]] = {name: [] for name in sources}
     for first in range(0, len(seeds), AT_ONCE):
         some = seeds[first : first + AT_ONCE]
         races = [Race(seed, (Seat(number),)) for number in range(len(sources)) for seed in some]
         results = run(sources.values(), f"{SCENARIO}:laps={laps},cars=1", circuit, races, folder)
-        times = results.sort("race")["race_time_s"].fill_null(np.inf).to_list()
+        times = results.sort("race")["race_time_s"].round(3).to_list()
         for number, name in enumerate(sources):
             taken[name] += times[number * len(some) : (number + 1) * len(some)]
     return taken
@@ -199,18 +199,19 @@ def measure(
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
     driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds, folder)
     print(circuit, json.dumps(driven), flush=True)
-    gone = [name for name in sources if not np.isfinite(driven[name]).all()]
-    for name in gone:
-        del sources[name], fixed[name], driven[name]
-    ranked = sorted(sources, key=lambda name: fmean(driven[name]))
+    seconds = {name: np.array(driven[name], np.float64) for name in fixed}
+    lasting = [name for name in fixed if np.isfinite(seconds[name]).all()]
+    ranked = sorted(lasting, key=lambda name: float(seconds[name].mean()))
     sources[PLANNER] = str(planner)
     strategists: dict[str, Strategist] = {name: StintPlan(stints) for name, stints in fixed.items()} | {
         PLANNER: StintPlanner(model)
     }
     return {
-        "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
+        "alone": driven,
         "expected_s": {
-            name: round(expected_s(model, stints, laps, tank_kg), 3) for name, stints in fixed.items()
+            name: round(expected_s(model, stints, laps, tank_kg), 3)
+            for name, stints in fixed.items()
+            if np.isfinite(seconds[name]).any()
         },
         "fields": [
             {
@@ -224,19 +225,16 @@ def measure(
 
 
 def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
-    """The figures over all circuits."""
+    """The figures over all circuits: the planner's of the races in which some fixed plan came round."""
     near, errors, gained, off, hours, wall_s = [], [], [], [], 0.0, 0.0
     for one in circuits.values():
-        taken = one["alone"]
-        best = np.min([times for name, times in taken.items() if name != PLANNER], axis=0)
-        near += (np.array(taken[PLANNER]) <= NEAR * best).tolist()
-        errors += [
-            abs(one["expected_s"][name] / s - 1.0)
-            for name, times in taken.items()
-            if name != PLANNER
-            for s in times
-            if np.isfinite(s)
-        ]
+        taken = {name: np.array(times, np.float64) for name, times in one["alone"].items()}
+        planned = taken.pop(PLANNER)
+        best = np.fmin.reduce(list(taken.values()))
+        near += (planned <= NEAR * best)[np.isfinite(best)].tolist()
+        for name, expected in one["expected_s"].items():
+            came = taken[name][np.isfinite(taken[name])]
+            errors += np.abs(expected / came - 1.0).tolist()
         for meeting in one["fields"]:
             (first, second), races = meeting["strategies"], meeting["races"]
             if first == PLANNER:
@@ -246,10 +244,12 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None
             hours += sum(race["hours"] for race in races)
             wall_s += sum(race["wall_s"] for race in races)
     return {
-        "within_0.3_percent": round(fmean(near), 3),
+        "races": len(near),
+        "near": sum(near),
+        "within_0.3_percent": round(fmean(near), 3) if near else None,
         "places_gained": round(fmean(gained), 2) if gained else None,
         "places_error": round(fmean(off), 2) if off else None,
-        "model_error": round(fmean(errors), 5),
+        "model_error": round(fmean(errors), 5) if errors else None,
         "hours_a_minute": round(hours / (wall_s / 60.0), 2) if gained else None,
     }
 
