@@ -5,7 +5,9 @@
 is named, and then races its planner against plans of none to five stops with even stints, each on the
 compound that the model likes best for it. The folder keeps what was practised and every
 match that was driven: after a stop the same command goes on with the match that it was in. Circuits that FILE
-has and that are not raced anew are kept. Figures by circuit:
+has and that are not raced anew are kept, and so are its fields of the same strategies where none are asked
+for (`--field-seeds 0`). Threads of BLAS that wait for each other take nine tenths of the time on a busy
+machine: `OPENBLAS_NUM_THREADS=1` has them not. Figures by circuit:
 
 - `alone`: race time by strategy and seed, s; null where the car did not come to the end;
 - `expected_s`: of the fixed plans that came to the end of some race, by the model;
@@ -186,9 +188,18 @@ def run(
 
 
 def measure(
-    circuit: str, policy: str, laps: int, seeds: Sequence[int], in_field: Sequence[int], folder: Path
+    circuit: str,
+    policy: str,
+    laps: int,
+    seeds: Sequence[int],
+    in_field: Sequence[int],
+    before: Sequence[Mapping[str, Any]],
+    folder: Path,
 ) -> dict[str, Any]:
-    """The figures of a circuit, given the seeds of races alone and in a field."""
+    """The figures of a circuit, given the seeds of races alone and in a field.
+
+    Without seeds of fields, those of before are kept whose strategies would meet now.
+    """
     planner, car = folder / "planner.toml", CARS[circuit]
     tank_kg = load_car(car).fuel.capacity_kg
     if not planner.is_file():
@@ -206,6 +217,7 @@ def measure(
     strategists: dict[str, Strategist] = {name: StintPlan(stints) for name, stints in fixed.items()} | {
         PLANNER: StintPlanner(model)
     }
+    meetings = [list(both) for both in pairwise([PLANNER, *ranked[:2]])]
     return {
         "alone": driven,
         "expected_s": {
@@ -219,8 +231,10 @@ def measure(
                 "races": field({name: sources[name] for name in both}, circuit, laps, in_field, folder),
                 "lap_wise": round(lap_wise(model, [strategists[name] for name in both], laps, tank_kg), 2),
             }
-            for both in pairwise([PLANNER, *ranked[:2]])
-        ],
+            for both in meetings
+        ]
+        if in_field
+        else [one for one in before if one["strategies"] in meetings],
     }
 
 
@@ -270,7 +284,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     circuits: dict[str, Any] = read_result(options.json).figures["circuits"] if options.json.is_file() else {}
     for circuit in options.circuits.split(","):
         policy = options.policy or str(champion(circuit, CARS[circuit]))
-        circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, options.out / circuit)
+        before = circuits.get(circuit, {}).get("fields", [])
+        folder = options.out / circuit
+        circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, before, folder)
         print(circuit, json.dumps(circuits[circuit]), flush=True)
     told = summary(circuits)
     known = {"laps": options.laps, "policy": options.policy or "the champion of each circuit"}
