@@ -5,18 +5,20 @@
 is named, and then races its planner against plans of none to five stops with even stints, each on the
 compound that the model likes best for it. The folder keeps what was practised and every
 match that was driven: after a stop the same command goes on with the match that it was in. Circuits that FILE
-has and that are not raced anew are kept. Figures by circuit:
+has and that are not raced anew are kept, and so are its fields of the same strategies where none are asked
+for (`--field-seeds 0`). Threads of BLAS that wait for each other take nine tenths of the time on a busy
+machine: `OPENBLAS_NUM_THREADS=1` has them not. Figures by circuit:
 
-- `alone`: race time by strategy and seed, s; plans on whose tyres the policy does not come round are left
-  out;
-- `expected_s`: of the fixed plans, by the model;
-- `fields`: of the planner against the best fixed plan, and of that against the next best, ten cars each:
-  their mean places by seed, with the hours that were driven and the seconds on the clock; every grid is also
-  raced the other way round. `lap_wise` is the first one's mean place in as many races lap by lap (`LapRace`)
-  as LAP_WISE, likewise.
+- `alone`: race time by strategy and seed, s; null where the car did not come to the end;
+- `expected_s`: of the fixed plans that came to the end of some race, by the model;
+- `fields`: of the planner against the best of the fixed plans that came to the end of every race, and of that
+  against the next best, ten cars each: their mean places by seed, with the hours that were driven and the
+  seconds on the clock; every grid is also raced the other way round. `lap_wise` is the first one's mean place
+  in as many races lap by lap (`LapRace`) as LAP_WISE, likewise. None where no plan did.
 
-On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
-at most 0.3 % longer than the best fixed plan did; `places_gained` by it on the best fixed plan in the field;
+On the last line, over all circuits: `races` alone in which some fixed plan came to the end, and in how many
+of them, `near`, and in which share, `within_0.3_percent`, the planner took at most 0.3 % longer than the best
+plan of that race; `places_gained` by it on the best fixed plan in the field;
 `places_error`, by which mean places lap by lap are off; `model_error`, the mean share of race
 time by which the model errs on fixed plans; and `hours_a_minute`, hours of twenty cars' racing in a minute.
 """
@@ -136,14 +138,14 @@ def written(folder: Path, policy: str, name: str, stints: Sequence[Stint]) -> st
 
 def alone(
     sources: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int], folder: Path
-) -> dict[str, list[float]]:
-    """Race times without anybody else, s, by strategy; inf for who did not finish."""
-    taken: dict[str, list[float]] = {name: [] for name in sources}
+) -> dict[str, list[float | None]]:
+    """Race times without anybody else, s, by strategy; None for who did not finish."""
+    taken: dict[str, list[float | None]] = {name: [] for name in sources}
     for first in range(0, len(seeds), AT_ONCE):
         some = seeds[first : first + AT_ONCE]
         races = [Race(seed, (Seat(number),)) for number in range(len(sources)) for seed in some]
         results = run(sources.values(), f"{SCENARIO}:laps={laps},cars=1", circuit, races, folder)
-        times = results.sort("race")["race_time_s"].fill_null(np.inf).to_list()
+        times = results.sort("race")["race_time_s"].round(3).to_list()
         for number, name in enumerate(sources):
             taken[name] += times[number * len(some) : (number + 1) * len(some)]
     return taken
@@ -186,9 +188,18 @@ def run(
 
 
 def measure(
-    circuit: str, policy: str, laps: int, seeds: Sequence[int], in_field: Sequence[int], folder: Path
+    circuit: str,
+    policy: str,
+    laps: int,
+    seeds: Sequence[int],
+    in_field: Sequence[int],
+    before: Sequence[Mapping[str, Any]],
+    folder: Path,
 ) -> dict[str, Any]:
-    """The figures of a circuit, given the seeds of races alone and in a field."""
+    """The figures of a circuit, given the seeds of races alone and in a field.
+
+    Without seeds of fields, those of before are kept whose strategies would meet now.
+    """
     planner, car = folder / "planner.toml", CARS[circuit]
     tank_kg = load_car(car).fuel.capacity_kg
     if not planner.is_file():
@@ -199,18 +210,20 @@ def measure(
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
     driven = alone({PLANNER: str(planner)} | sources, circuit, laps, seeds, folder)
     print(circuit, json.dumps(driven), flush=True)
-    gone = [name for name in sources if not np.isfinite(driven[name]).all()]
-    for name in gone:
-        del sources[name], fixed[name], driven[name]
-    ranked = sorted(sources, key=lambda name: fmean(driven[name]))
+    seconds = {name: np.array(driven[name], np.float64) for name in fixed}
+    lasting = [name for name in fixed if np.isfinite(seconds[name]).all()]
+    ranked = sorted(lasting, key=lambda name: float(seconds[name].mean()))
     sources[PLANNER] = str(planner)
     strategists: dict[str, Strategist] = {name: StintPlan(stints) for name, stints in fixed.items()} | {
         PLANNER: StintPlanner(model)
     }
+    meetings = [list(both) for both in pairwise([PLANNER, *ranked[:2]])]
     return {
-        "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
+        "alone": driven,
         "expected_s": {
-            name: round(expected_s(model, stints, laps, tank_kg), 3) for name, stints in fixed.items()
+            name: round(expected_s(model, stints, laps, tank_kg), 3)
+            for name, stints in fixed.items()
+            if np.isfinite(seconds[name]).any()
         },
         "fields": [
             {
@@ -218,25 +231,24 @@ def measure(
                 "races": field({name: sources[name] for name in both}, circuit, laps, in_field, folder),
                 "lap_wise": round(lap_wise(model, [strategists[name] for name in both], laps, tank_kg), 2),
             }
-            for both in pairwise([PLANNER, *ranked[:2]])
-        ],
+            for both in meetings
+        ]
+        if in_field
+        else [one for one in before if one["strategies"] in meetings],
     }
 
 
 def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
-    """The figures over all circuits."""
+    """The figures over all circuits: the planner's of the races in which some fixed plan came round."""
     near, errors, gained, off, hours, wall_s = [], [], [], [], 0.0, 0.0
     for one in circuits.values():
-        taken = one["alone"]
-        best = np.min([times for name, times in taken.items() if name != PLANNER], axis=0)
-        near += (np.array(taken[PLANNER]) <= NEAR * best).tolist()
-        errors += [
-            abs(one["expected_s"][name] / s - 1.0)
-            for name, times in taken.items()
-            if name != PLANNER
-            for s in times
-            if np.isfinite(s)
-        ]
+        taken = {name: np.array(times, np.float64) for name, times in one["alone"].items()}
+        planned = taken.pop(PLANNER)
+        best = np.fmin.reduce(list(taken.values()))
+        near += (planned <= NEAR * best)[np.isfinite(best)].tolist()
+        for name, expected in one["expected_s"].items():
+            came = taken[name][np.isfinite(taken[name])]
+            errors += np.abs(expected / came - 1.0).tolist()
         for meeting in one["fields"]:
             (first, second), races = meeting["strategies"], meeting["races"]
             if first == PLANNER:
@@ -246,10 +258,12 @@ def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None
             hours += sum(race["hours"] for race in races)
             wall_s += sum(race["wall_s"] for race in races)
     return {
-        "within_0.3_percent": round(fmean(near), 3),
+        "races": len(near),
+        "near": sum(near),
+        "within_0.3_percent": round(fmean(near), 3) if near else None,
         "places_gained": round(fmean(gained), 2) if gained else None,
         "places_error": round(fmean(off), 2) if off else None,
-        "model_error": round(fmean(errors), 5),
+        "model_error": round(fmean(errors), 5) if errors else None,
         "hours_a_minute": round(hours / (wall_s / 60.0), 2) if gained else None,
     }
 
@@ -270,7 +284,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     circuits: dict[str, Any] = read_result(options.json).figures["circuits"] if options.json.is_file() else {}
     for circuit in options.circuits.split(","):
         policy = options.policy or str(champion(circuit, CARS[circuit]))
-        circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, options.out / circuit)
+        before = circuits.get(circuit, {}).get("fields", [])
+        folder = options.out / circuit
+        circuits[circuit] = measure(circuit, policy, options.laps, seeds, in_field, before, folder)
         print(circuit, json.dumps(circuits[circuit]), flush=True)
     told = summary(circuits)
     known = {"laps": options.laps, "policy": options.policy or "the champion of each circuit"}

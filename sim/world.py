@@ -290,6 +290,10 @@ class World:
         """That which cars of a model start on."""
         return self.conditions.compound or car.tyre.compound
 
+    def first_grip(self, car: Car) -> float:
+        """Grip of the tyres that cars of a model start on, as a multiple of that of its own."""
+        return compound_ratio(car.tyre.compound, self.first_compound(car))[0]
+
     def _fitted(self, car: Car, compound: str) -> tuple[float, float, float, float]:
         """Of a compound: grip and wear against those that the car starts on, then the film and the peak."""
         grip, wear = compound_ratio(self.first_compound(car), compound)

@@ -9,7 +9,7 @@ import numpy as np
 from nathlon.policies.driver import practised
 from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.steering import plan
-from nathlon.sim.car import Car, compound_ratio, with_grip
+from nathlon.sim.car import Car, with_grip
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.plan import (
     COLUMNS,
@@ -39,8 +39,7 @@ def show_plan(world: World, *specs: ObservationSpec) -> None:
 
 def _as_there(car: Car, world: World) -> Car:
     """A car with the grip that it has in a world."""
-    grip = compound_ratio(car.tyre.compound, world.first_compound(car))[0]
-    return with_grip(car, world.conditions.grip.tarmac * grip)
+    return with_grip(car, world.conditions.grip.tarmac * world.first_grip(car))
 
 
 @lru_cache

@@ -25,11 +25,12 @@ class Scene(NamedTuple):
 
     @property
     def grips(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Grip of the cars, and slip at its peak, as multiples of those on dry road at the start; (n,)."""
+        """Grip of the cars, and slip at its peak, as multiples of those of own tyres on dry road; (n,)."""
         state = self.world.state[self.races, self.cars]
         if not self.world.conditions.weather:
             return np.ones(len(state)), np.ones(len(state))
-        return state["tyre_grip"] * state["wet_grip"], state["wet_peak"]
+        first = np.array([self.world.first_grip(car) for car in self.world.models])
+        return first[state["model"]] * state["tyre_grip"] * state["wet_grip"], state["wet_peak"]
 
     @property
     def flagged(self) -> NDArray[np.bool_]:

@@ -41,6 +41,17 @@ def test_the_best_plan_is_that_of_each_seed() -> None:
     assert (told["places_gained"], told["places_error"], told["hours_a_minute"]) == (None, None, None)
 
 
+def test_a_plan_counts_in_the_races_whose_end_it_came_to() -> None:
+    """Where no plan did, there is nothing to hold the planner against."""
+    some = {"planner": [1002.0, 1004.0, None, 990.0], "1 stops": [1000.0, None, 1000.0, None]}
+    told = summary({"one": {"alone": some, "expected_s": {"1 stops": 1010.0}, "fields": []}})
+    assert (told["races"], told["near"], told["within_0.3_percent"]) == (2, 1, 0.5)
+    assert told["model_error"] == 0.01
+    none = {"alone": {"planner": [1002.0], "1 stops": [None]}, "expected_s": {}, "fields": []}
+    told = summary({"one": none})
+    assert (told["races"], told["within_0.3_percent"], told["model_error"]) == (0, None, None)
+
+
 def test_places_are_those_of_the_fields_that_were_driven() -> None:
     """The planner gains on the best plan alone; the model is also tried on plans against each other."""
     told = summary({"one": ALONE, "other": IN_FIELD})

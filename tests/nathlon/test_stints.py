@@ -107,6 +107,14 @@ def test_no_other_stints_are_faster(laps: int, stops: int) -> None:
         assert plan.seconds(model) == pytest.approx(min(ways), abs=0.2)
 
 
+def test_a_policy_may_be_slower_with_less_fuel() -> None:
+    """As one that has learnt on full tanks: what a kilogram costs is what practice says."""
+    laps = practised(8, 0.0, np.random.default_rng(1)).with_columns(
+        lap_s=pl.col("lap_s") - 2.0 * FUEL_S * pl.col("fuel_kg")
+    )
+    assert stint_model(fit(laps)).fuel_s_kg == pytest.approx(-FUEL_S)
+
+
 def test_intervals_hold_what_is_true() -> None:
     """Of the difference of two plans, in 95 % of practices."""
     inside = []

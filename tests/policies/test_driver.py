@@ -17,9 +17,9 @@ from nathlon.policies.driver.racing_line import minimum_time
 from nathlon.policies.driver.speed_profile import Profile, corner_limit, path_of, profile
 from nathlon.policies.driver.turning import backs_out, turn_round
 from nathlon.policies.load import load_policy
-from nathlon.policies.planning import decide
+from nathlon.policies.planning import Scene, decide
 from nathlon.policies.policy import Policy
-from nathlon.sim.car import load_car
+from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.chassis import GRAVITY
@@ -27,7 +27,7 @@ from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.service import Service
 from nathlon.sim.track import WALL_LEFT, Track, load_track
 from nathlon.sim.track.generating import write_generated
-from nathlon.sim.weather import Shower, Weather
+from nathlon.sim.weather import Shower, Weather, wet_share
 from nathlon.sim.world import World
 from tests.support.driving import GT3, circle, road, start_at
 
@@ -259,6 +259,26 @@ def test_the_driver_feels_the_rain() -> None:
         strict=True,
     ):
         np.testing.assert_array_equal(once, again)
+
+
+def test_the_driver_feels_the_tyres_that_a_race_begins_on_as_those_fitted_before_it() -> None:
+    """It has practised on the car's own, each car of a mixed field on others."""
+    weather, cars = (Weather(),), np.arange(2)
+    models = GT3, load_car("coupe")
+    begun = World(TRACK, models, 1, 2, Conditions(compound="wet", weather=weather, film_mm=0.6))
+    fitted = World(TRACK, models, 1, 2, Conditions(weather=weather, film_mm=0.6))
+    felt = []
+    for world in (begun, fitted):
+        world.state["model"][0] = cars
+        world.reset(0, start_at([-150.0, -170.0], speed=30.0))
+        for car in range(2):
+            world.fit(0, car, Service("wet"))
+        world.step(np.zeros((1, 2, 2)))
+        felt.append(np.array(Scene(world, 0 * cars, cars).grips))
+    np.testing.assert_allclose(felt[0], felt[1])
+    known, film_mm = load_compounds(), float(begun.state["film"][0, 0])
+    own = np.array([known[model.tyre.compound].grip for model in models])
+    np.testing.assert_allclose(felt[0][0], known["wet"].grip / own * wet_share(film_mm, known["wet"].film_mm))
 
 
 def test_the_driver_slows_down_on_its_line_for_a_blue_flag() -> None:
