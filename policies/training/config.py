@@ -79,6 +79,7 @@ class Rollouts(Section):
         demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
             what they do; see nathlon.policies.load.
         perception_delay_s: instead of the scenario's, for all cars or for each place.
+        racer: of imitation, instead of that of the run; `champion` races at home, at full pace.
         wear_rate, fuel_rate: instead of the scenario's; so high ones that tyres and tank are soon in every
             state of a long race.
     """
@@ -93,6 +94,7 @@ class Rollouts(Section):
     mistakes: Annotated[float, Field(ge=0, le=1)] = 0.0
     demonstrators: tuple[str, ...] = ()
     perception_delay_s: Delay | tuple[Delay, ...] | None = None
+    racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
     wear_rate: Rate | None = None
     fuel_rate: Rate | None = None
 
@@ -161,6 +163,9 @@ class ImitationSettings(Section):
             path of a checkpoint.
         racer_every: steps after which a car asks a racer that remembers nothing again; of those between,
             nothing is learnt.
+        disturbance: deviation of what is added to pedals and steering of every second car, half a second
+            long, so that the policy is told what to do beside its way.
+        mirrored: whether it learns the mirror image of half of what is said.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.
@@ -174,6 +179,8 @@ class ImitationSettings(Section):
     patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
     rescuer: Annotated[str | None, Field(exclude_if=lambda rescuer: rescuer is None)] = None
     racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
+    disturbance: Annotated[float, Field(ge=0, le=1, exclude_if=lambda deviation: not deviation)] = 0.0
+    mirrored: Annotated[bool, Field(exclude_if=lambda mirrored: not mirrored)] = False
     racer_every: Annotated[int, Field(ge=1, le=100, exclude_if=lambda every: every == 1)] = 1
     passage: Annotated[int, Field(ge=1, le=1000)] = 16
     recalled: Annotated[int, Field(ge=0, le=1000)] = 4
@@ -290,7 +297,19 @@ class TrainingConfig(Section):
         if self.imitation is not None and self.imitation.racer_every > 1:
             # Passages have no gaps.
             raise ValueError("imitation.racer_every is given, expected none beside a vision")
+        if self.imitation is not None and self.imitation.mirrored:
+            # Pictures would have to be turned round as well.
+            raise ValueError("imitation.mirrored is given, expected none beside a vision")
         self.vision.shapes(camera, 0)  # raises where nothing is left of the pictures
+        return self
+
+    @model_validator(mode="after")
+    def _racers_teach(self) -> TrainingConfig:
+        for rollouts in self.rollouts:
+            if rollouts.racer is not None and self.imitation is None:
+                raise ValueError(
+                    f"rollouts {rollouts.scenario}: racer is given, expected an imitation beside it"
+                )
         return self
 
     @model_validator(mode="after")

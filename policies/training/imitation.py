@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
 from nathlon.policies.checkpoint import Card, open_checkpoint, save_checkpoint
-from nathlon.policies.training.config import ImitationSettings, TrainingConfig
+from nathlon.policies.training.config import ImitationSettings, Rollouts, TrainingConfig
 from nathlon.policies.training.evaluation import LapEvaluation, evaluate_laps, mean_laps
 from nathlon.policies.training.instruction import Class, School
 from nathlon.policies.training.log import Status
-from nathlon.policies.training.pairs import Pair, PairDraw, ready_pairs
+from nathlon.policies.training.pairs import CHAMPION, Pair, PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows
 from nathlon.policies.training.rollout import scenario_of, tells_pace
@@ -79,7 +79,7 @@ class Imitation:
         """A pupil that has learnt nothing."""
         config, batch = self.config, self.config.qrsac.batch
         if config.vision is None:
-            return NumbersPupil(self._card, batch, rng)
+            return NumbersPupil(self._card, batch, self._settings.mirrored, rng)
         pair = Pair(config.circuit, config.car)
         teacher = load_guest(pair.wise(self._settings.teacher), *pair[:2])
         return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec.size, rng)
@@ -142,13 +142,28 @@ class Imitation:
             InputError: if the races cannot be made or a file cannot be written.
         """
         pairs, self._evaluated = ready_pairs(self.folder, self.config, on_pair)
-        self._draw = PairDraw(pairs, self._weights)
+        self.hold(pairs)
         school = School(self.config)
         try:
             while self._rounds < self._settings.rounds:
                 on_status(self._round(school))
         finally:
             school.close()
+
+    def hold(self, pairs: Sequence[Pair]) -> None:
+        """Hold the races of all rounds to come on some pairs.
+
+        Raises:
+            InputError: if champions are to race, and none comes with nathlon for any of them.
+        """
+        self._draw = PairDraw(pairs, self._weights)
+        self._home = [pair for pair in pairs if pair.has_champion]
+        for rollouts in self.config.rollouts:
+            if rollouts.racer == CHAMPION and not self._home:
+                raise InputError(
+                    f"rollouts {rollouts.scenario}: racer is {CHAMPION!r}, "
+                    "expected a pair for which one comes with nathlon"
+                )
 
     def _round(self, school: School) -> Status:
         """Drive and learn, and keep what came of it."""
@@ -180,17 +195,8 @@ class Imitation:
         """Hold the classes of a round, and write down what was said."""
         shares = self._settings.taught
         taught = shares[self._rounds] if self._rounds < len(shares) else 0.0
-        classes = [
-            Class(
-                rollouts,
-                self._draw.draw(rng),
-                self._settings.paces[int(rng.integers(len(self._settings.paces)))],
-                taught,
-                int(rng.integers(2**63)),
-            )
-            for rollouts in self.config.rollouts
-            for _ in range(rollouts.worlds)
-        ]
+        races = [rollouts for rollouts in self.config.rollouts for _ in range(rollouts.worlds)]
+        classes = [self._class(rollouts, taught, rng) for rollouts in races]
         notes = list(school.teach(classes, self._pupil.policy, self._pupil.note))
         for each, noted in zip(classes, notes, strict=True):
             if math.isfinite(noted.speed) and tells_pace(scenario_of(each.rollouts, each.pair)):
@@ -202,6 +208,14 @@ class Imitation:
         self.transitions += len(rows["said"])
         (self.folder / ROWS).mkdir(exist_ok=True)
         write_tensors(self._rows_of(self._rounds), rows)
+
+    def _class(self, rollouts: Rollouts, taught: float, rng: np.random.Generator) -> Class:
+        """Races of the next pair; of one of the champions' at full pace, where these teach."""
+        pair, paces = self._draw.draw(rng), self._settings.paces
+        pace = paces[int(rng.integers(len(paces)))]
+        if rollouts.racer == CHAMPION:
+            pair, pace = self._home[int(rng.integers(len(self._home)))], 1.0
+        return Class(rollouts, pair, pace, taught, int(rng.integers(2**63)))
 
     def _rows_of(self, number: int) -> Path:
         return self.folder / ROWS / f"round-{number:05d}.safetensors"

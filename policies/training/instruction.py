@@ -29,6 +29,9 @@ from nathlon.policies.training.teacher import Teachers
 from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
 
+LASTING_S = 0.5
+"""Time in which a disturbance falls to a third."""
+
 Array = NDArray[np.float32]
 
 
@@ -149,8 +152,10 @@ def instruct(
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    teachers = Teachers(config.imitation, planned.pace, pair, env)
-    lesson = _Lesson(env, teachers, policy, planned.taught, learners, rollouts.mistakes, rng)
+    teachers = Teachers(config.imitation, rollouts.racer, planned.pace, pair, env)
+    lesson = _Lesson(
+        env, teachers, policy, planned.taught, config.imitation.disturbance, learners, rollouts.mistakes, rng
+    )
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()
         if config.imitation.patience_s is not None:
@@ -167,6 +172,7 @@ class _Lesson:
         teachers: Teachers,
         policy: Policy,
         taught: float,
+        disturbance: float,
         learners: NDArray[np.int64],
         again: float,
         rng: np.random.Generator,
@@ -178,6 +184,8 @@ class _Lesson:
         self._noted: list[Taught] = []
         self._begun = np.ones(cars, np.bool_)
         self._astray_s, self._gone = np.zeros(cars), np.zeros(cars)
+        self._disturbed = np.where(np.arange(cars) % 2, disturbance, 0.0)[:, None]
+        self._push = np.zeros((cars, 2))
         self._start(np.arange(len(env.episodes.endings)))
         self._led = rng.random(cars) < taught
 
@@ -210,6 +218,8 @@ class _Lesson:
         noise = self._rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
         acted, memory = self._policy.act(env.seen, self._memory)
         actions = np.where(self._led[:, None], advice + noise, acted)
+        if self._disturbed.any():
+            actions = actions + self._pushed()
         known = env.seen.copy(), self._memory.copy(), advice.copy(), shown
         self._noted.append(Taught(*known, before["driving"], self._begun.copy()))
         self._memory, self._begun[:] = memory, False
@@ -217,6 +227,13 @@ class _Lesson:
         self._gone += self._cars["progress"] - before["progress"]
         if self._again:
             self._mistakes.watch()
+
+    def _pushed(self) -> NDArray[np.float64]:
+        """What is added to the actions, (n, 2): noise of which most is left a step later."""
+        kept = np.exp(-self._env.episodes.step_s / LASTING_S)
+        fresh = self._rng.normal(size=self._push.shape) * self._disturbed
+        self._push = kept * self._push + np.sqrt(1.0 - kept**2) * fresh
+        return self._push
 
     def begin_anew(self, patience_s: float) -> None:
         """Start the races again in which all cars of the policy have been out of control for so long."""

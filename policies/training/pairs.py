@@ -68,6 +68,15 @@ class Pair(NamedTuple):
         grip = SurfaceGrip(tarmac=self.grip, kerb=self.grip, grass=self.grip, gravel=self.grip)
         return scenario.model_copy(update={"grip": grip})
 
+    @property
+    def has_champion(self) -> bool:
+        """Whether a champion comes with nathlon for this circuit and car."""
+        try:
+            champion(self.circuit, self.car)
+        except InputError:
+            return False
+        return self.grip == 1.0
+
     def wise(self, policy: str) -> str:
         """A policy's name, of built-in drivers that of one who has practised on this grip.
 

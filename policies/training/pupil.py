@@ -16,6 +16,7 @@ from nathlon.policies.checkpoint import ACTION_SIZE, Card, encoded
 from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.training.actor import Actor, Trained
 from nathlon.policies.training.instruction import Taught
+from nathlon.policies.training.mirrored import mirror, turned
 from nathlon.policies.weights import mean_network
 
 STEERING = 4.0
@@ -75,15 +76,17 @@ class NumbersPupil:
         trained, note: as of `Pupil`.
     """
 
-    def __init__(self, card: Card, batch: int, rng: np.random.Generator) -> None:
+    def __init__(self, card: Card, batch: int, mirrored: bool, rng: np.random.Generator) -> None:
         """A pupil that has learnt nothing.
 
         Args:
             card: of the policy.
             batch: rows of a minibatch.
+            mirrored: whether half of them are seen in the mirror.
             rng: draws its first tensors.
         """
         self._card, self._batch = card, batch
+        self._mirror = mirror(card.observation) if mirrored else None
         self._tensors = fresh(card, rng)
         self.trained = Actor(encoded(card, self._tensors, mean_network(self._tensors, ACTION_SIZE)))
         self.note = note_numbers
@@ -98,7 +101,11 @@ class NumbersPupil:
         seen, said = (torch.cat([rows[name] for rows in rounds]) for name in ("seen", "said"))
         while True:
             chosen = torch.from_numpy(rng.integers(len(seen), size=self._batch))
-            yield error(self.trained.means(seen[chosen]), said[chosen])
+            inputs, targets = seen[chosen], said[chosen]
+            if self._mirror is not None:
+                half = self._batch // 2
+                inputs[:half], targets[:half] = self._mirror.seen(inputs[:half]), turned(targets[:half])
+            yield error(self.trained.means(inputs), targets)
 
     def averaged(self) -> dict[str, NDArray[np.float32]]:
         """As of `Pupil`."""

@@ -113,11 +113,14 @@ def at_pace(name: str, pace: float) -> str:
 class Teachers:
     """A teacher, and those who say in its stead what to do where it is not the one to ask."""
 
-    def __init__(self, settings: ImitationSettings, pace: float, pair: Pair, env: OpponentWrapper) -> None:
+    def __init__(
+        self, settings: ImitationSettings, racer: str | None, pace: float, pair: Pair, env: OpponentWrapper
+    ) -> None:
         """Teachers by what a run says, and the races in which they look on.
 
         Args:
             settings: name them.
+            racer: instead of the one that they name.
             pace: share of its speed at which a built-in driver teaches, where its name says nothing of pace.
             pair, env: as of `Teacher`.
 
@@ -126,7 +129,7 @@ class Teachers:
         """
         self._every, self._step = settings.racer_every, 0
         self._env, self._teacher = env, Teacher(at_pace(settings.teacher, pace), pair, env)
-        asked = ((settings.racer, racing), (settings.rescuer, astray))
+        asked = ((racer or settings.racer, racing), (settings.rescuer, astray))
         self._others = [(Teacher(at_pace(name, pace), pair, env), where) for name, where in asked if name]
 
     def forget(self, cars: NDArray[np.int64]) -> None:

@@ -26,7 +26,7 @@ from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.policies.training import imitation, instruction, teacher
-from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.config import CONFIGS, Rollouts, TrainingConfig, read_config
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.instruction import Class, Notes, instruct
@@ -83,7 +83,7 @@ def novice(config: TrainingConfig) -> Policy:
         seed=0,
         created_by={},
     )
-    return NumbersPupil(card, 1, np.random.default_rng(1)).policy
+    return NumbersPupil(card, 1, False, np.random.default_rng(1)).policy
 
 
 def taught(config: TrainingConfig, share: float = 0.0) -> Notes:
@@ -181,6 +181,61 @@ def test_a_rescuer_or_racer_says_what_to_do_where_it_is_asked_and_the_teacher_el
     np.testing.assert_array_equal(both[asked], instead[asked])
     np.testing.assert_array_equal(both[~asked], alone[~asked])
     assert not np.allclose(instead[asked], alone[asked])
+
+
+def test_champions_show_at_full_pace_how_they_race_at_home(tmp_path: Path) -> None:
+    assert TRAFFIC.imitation is not None
+    here, away = Pair("lindenring", "gt3"), Pair("lindenring", "coupe")
+    anywhere, at_home = (TRAFFIC.rollouts[0].model_copy(update={"racer": name}) for name in (None, CHAMPION))
+    settings = TRAFFIC.imitation.model_copy(update={"paces": (0.9,), "length_s": 0.5})
+    run = Imitation.start(tmp_path, TRAFFIC.model_copy(update={"imitation": settings}), seed=1)
+    run.hold([away, here])
+    rng = np.random.default_rng(1)
+    held = [[run._class(rollouts, 0.0, rng) for _ in range(9)] for rollouts in (anywhere, at_home)]
+    assert {(each.pair, each.pace) for each in held[0]} == {(here, 0.9), (away, 0.9)}
+    assert {(each.pair, each.pace) for each in held[1]} == {(here, 1.0)}
+
+    def said(rollouts: Rollouts, **also: str) -> np.ndarray:
+        config = TRAFFIC.model_copy(update={"imitation": settings.model_copy(update=also)})
+        planned = Class(rollouts, here, 1.0, 0.0, seed=3)
+        return instruct(config, novice(config), note_numbers, planned).rows["said"]
+
+    np.testing.assert_array_equal(said(at_home), said(anywhere, racer=CHAMPION))
+    assert not np.array_equal(said(at_home), said(anywhere))
+
+
+def test_champions_are_missed_where_there_are_none(tmp_path: Path) -> None:
+    at_home = TRAFFIC.rollouts[0].model_copy(update={"racer": CHAMPION})
+    run = Imitation.start(tmp_path, TRAFFIC.model_copy(update={"rollouts": (at_home,)}), seed=1)
+    with pytest.raises(InputError, match=r"1v1: racer is 'champion', expected a pair for which one comes"):
+        run.hold([Pair("lindenring", "coupe")])
+
+
+def test_every_second_car_is_pushed_off_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven: list[np.ndarray] = []
+    steps = OpponentWrapper.step
+
+    def step(env: OpponentWrapper, actions: np.ndarray) -> None:
+        driven.append(actions.copy())
+        steps(env, actions)
+
+    monkeypatch.setattr(OpponentWrapper, "step", step)
+    assert ALONE.imitation is not None
+    notes, actions = [], []
+    for disturbance in (0.0, 0.02):
+        driven.clear()
+        imitates = ALONE.imitation.model_copy(update={"disturbance": disturbance})
+        notes.append(taught(ALONE.model_copy(update={"imitation": imitates})).rows)
+        actions.append(np.stack(driven))
+    pushes = actions[1] - actions[0]
+    assert not pushes[:, ::2].any()
+    first = pushes[0, 1::2]
+    assert (np.abs(first) > 0.0).all()
+    assert np.abs(first).max() < 0.1
+    # Each car is told from where it has come to.
+    seen = [rows["seen"].reshape(20, 4, -1) for rows in notes]
+    assert np.array_equal(seen[0][:, ::2], seen[1][:, ::2])
+    assert not np.array_equal(seen[0][-1, 1], seen[1][-1, 1])
 
 
 def test_a_racer_that_remembers_nothing_may_be_asked_now_and_then_but_by_who_heeds_it_always(
@@ -313,6 +368,7 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
         ({"vision": None}, "belong together"),
         ({"imitation": None, "keep_replay": True}, "expected false beside a vision"),
         ({"qrsac": {"encoder": [4]}}, "expected none beside a vision"),
+        ({"imitation": {"mirrored": True}}, "mirrored is given, expected none beside a vision"),
         ({"observation": {"camera": {"width": 8}}}, "width is 8, expected a whole number from 16"),
         ({"imitation": {"passage": 4, "recalled": 4}}, "expected less than passage"),
         ({"vision": {"convolutions": [{"filters": 3, "side": 20, "stride": 4}]}}, "leave nothing of 16 x 24"),
@@ -321,6 +377,12 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
 def test_a_configuration_of_seeing_that_contradicts_itself_is_refused(changed: dict, said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         TrainingConfig.model_validate(SEEING.model_dump() | changed)
+
+
+def test_a_racer_without_imitation_is_refused() -> None:
+    races = [rollouts.model_dump() | {"racer": CHAMPION} for rollouts in TRAFFIC.rollouts]
+    with pytest.raises(ValidationError, match="racer is given, expected an imitation beside it"):
+        TrainingConfig.model_validate(TRAFFIC.model_dump() | {"imitation": None, "rollouts": races})
 
 
 def test_the_configuration_that_is_shipped_is_read(tmp_path: Path) -> None:
