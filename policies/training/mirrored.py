@@ -33,7 +33,7 @@ class Mirror(NamedTuple):
 
 
 class _Image(NamedTuple):
-    """What becomes of the numbers of a field, or of a part of as many: from where each comes, and its sign."""
+    """What becomes of the numbers of a field, or of parts of as many: from where each comes, and its sign."""
 
     places: tuple[int, ...]
     signs: tuple[int, ...]
