@@ -83,6 +83,11 @@ class CompositeFile(Section):
         return self
 
     @property
+    def stops(self) -> bool:
+        """Whether it says when to stop."""
+        return any(getattr(self, name) for name in STRATEGIES)
+
+    @property
     def strategy_label(self) -> str:
         """What its strategy is called."""
         stops = max(len(self.stint) - 1, 0)

@@ -273,6 +273,10 @@ def test_wrong_input_is_one_sentence(recording: Path, scenario: Path, tmp_path: 
     wrong("--car", "3", said=("either a policy in the car's place or another recording",))
     wrong("--car", "3", "--policy", ELSEWHERE, said=("circuit is 'porto-sereno', expected 'lindenring'",))
     wrong("--car", "3", "--policy", "gone.onnx", said=("gone.onnx: no such file",))
+    (tmp_path / "stops.toml").write_text(
+        'name = "stops"\n[[part]]\npolicy = "driver"\n[[stint]]\nlaps = 1\n[[stint]]\nlaps = 9\n'
+    )
+    wrong("--car", "3", "--policy", "stops.toml", said=("stops.toml: says when to stop", "a policy alone"))
     wrong("--car", "3", "--policy", RACER.parent, said=("expected one policy",))
     wrong("--car", "3", *driver, said=(f"expected --entrant {RACER.stem}=FILE",))
     wrong("--car", "3", *driver, "--entrant", str(RACER), said=("--entrant is", "expected NAME=FILE"))
