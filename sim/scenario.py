@@ -38,8 +38,6 @@ SAFE_LATERAL = 8.0
 LOOK_AHEAD_M = 120.0
 LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
-SPUN_OFF_M = 20.0
-"""Up to which a spun car may stand beyond the edge of the road."""
 MOST_LAPS = 1000
 LONGEST_S = 86_400.0
 """A day."""
@@ -243,9 +241,8 @@ class Scenario(Section):
             speed[0] = rng.uniform(0.0, 12.0)
         if start.spun_share and rng.uniform() < start.spun_share:
             heading[0] = rng.uniform(-np.pi, np.pi)
-            right, left = edge[:, 0] + np.array([-SPUN_OFF_M, SPUN_OFF_M])
-            walls = track.table[row[0], [WALL_RIGHT, WALL_LEFT]]
-            aside = rng.uniform(max(right, -walls[0]), min(left, walls[1]))
+            right, left = track.table[row[0], [WALL_RIGHT, WALL_LEFT]]
+            aside = rng.uniform(-right, left)
             lateral[0] = _off_the_walls(aside, heading[0], track, int(row[0]))
             speed[0] = 0.0
         return Start(distance, lateral, heading, speed, self._finish(track))

@@ -164,7 +164,7 @@ class ImitationSettings(Section):
         racer_every: steps after which a car asks a racer that remembers nothing again; of those between,
             nothing is learnt.
         disturbance: deviation of what is added to pedals and steering of every second car, half a second
-            long, so that the policy is told what to do beside its way.
+            long, so that the policy is told what to do beside its way; less by the grip of a slippery pair.
         mirrored: whether it learns the mirror image of half of what is said.
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.

@@ -153,9 +153,8 @@ def instruct(
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
     teachers = Teachers(config.imitation, rollouts.racer, planned.pace, pair, env)
-    lesson = _Lesson(
-        env, teachers, policy, planned.taught, config.imitation.disturbance, learners, rollouts.mistakes, rng
-    )
+    disturbance = config.imitation.disturbance * pair.grip
+    lesson = _Lesson(env, teachers, policy, planned.taught, disturbance, learners, rollouts.mistakes, rng)
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()
         if config.imitation.patience_s is not None:

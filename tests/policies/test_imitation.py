@@ -26,7 +26,13 @@ from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.policies.training import imitation, instruction, teacher
-from nathlon.policies.training.config import CONFIGS, Rollouts, TrainingConfig, read_config
+from nathlon.policies.training.config import (
+    CONFIGS,
+    ObservationSettings,
+    Rollouts,
+    TrainingConfig,
+    read_config,
+)
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.instruction import Class, Notes, instruct
@@ -211,15 +217,21 @@ def test_champions_are_missed_where_there_are_none(tmp_path: Path) -> None:
         run.hold([Pair("lindenring", "coupe")])
 
 
-def test_every_second_car_is_pushed_off_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    driven: list[np.ndarray] = []
+@pytest.fixture
+def driven(monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """Actions of all steps of classes held meanwhile."""
+    actions: list[np.ndarray] = []
     steps = OpponentWrapper.step
 
-    def step(env: OpponentWrapper, actions: np.ndarray) -> None:
-        driven.append(actions.copy())
-        steps(env, actions)
+    def step(env: OpponentWrapper, acted: np.ndarray) -> None:
+        actions.append(acted.copy())
+        steps(env, acted)
 
     monkeypatch.setattr(OpponentWrapper, "step", step)
+    return actions
+
+
+def test_every_second_car_is_pushed_off_its_way(driven: list[np.ndarray]) -> None:
     assert ALONE.imitation is not None
     notes, actions = [], []
     for disturbance in (0.0, 0.02):
@@ -236,6 +248,24 @@ def test_every_second_car_is_pushed_off_its_way(monkeypatch: pytest.MonkeyPatch)
     seen = [rows["seen"].reshape(20, 4, -1) for rows in notes]
     assert np.array_equal(seen[0][:, ::2], seen[1][:, ::2])
     assert not np.array_equal(seen[0][-1, 1], seen[1][-1, 1])
+
+
+def test_pushes_are_smaller_by_the_grip(driven: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+    # Practice on that grip would take long, and nobody heeds the teacher.
+    monkeypatch.setattr(Pair, "wise", lambda pair, policy: policy)
+    assert ALONE.imitation is not None
+    config = ALONE.model_copy(update={"observation": ObservationSettings(version=3)})
+
+    def pushes(grip: float) -> np.ndarray:
+        driven.clear()
+        for disturbance in (0.0, 0.02):
+            imitates = ALONE.imitation.model_copy(update={"disturbance": disturbance, "length_s": 0.1})
+            pushed = config.model_copy(update={"imitation": imitates})
+            planned = Class(config.rollouts[0], HOME._replace(grip=grip), 1.0, 0.0, seed=3)
+            instruct(pushed, novice(config), note_numbers, planned)
+        return driven[1] - driven[0]
+
+    np.testing.assert_allclose(pushes(0.25), 0.25 * pushes(1.0), atol=1e-7)
 
 
 def test_a_racer_that_remembers_nothing_may_be_asked_now_and_then_but_by_who_heeds_it_always(

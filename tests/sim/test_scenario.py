@@ -230,7 +230,7 @@ def test_spun_cars_face_anywhere() -> None:
     assert counts.max() < 40 + 4 * 6
 
 
-def test_spun_cars_stand_on_the_road_and_beside_it() -> None:
+def test_spun_cars_stand_on_the_road_and_beside_it_out_to_the_walls() -> None:
     scenario, rng = load_scenario("recovery"), np.random.default_rng(0)
     starts = [scenario.place(TRACK, rng) for _ in range(400)]
     row = np.array([int(start.distance[0] / TRACK.spacing) for start in starts])
@@ -238,7 +238,10 @@ def test_spun_cars_stand_on_the_road_and_beside_it() -> None:
     left, right = lateral - TRACK.table[row, LEFT], -lateral - TRACK.table[row, RIGHT]
     for beside in (left > 0.0, right > 0.0, (left < 0.0) & (right < 0.0)):
         assert beside.mean() > 0.15
-    assert np.maximum(left, right).max() < 20.0
+    room = TRACK.table[row, WALL_LEFT] - TRACK.table[row, LEFT]
+    share = (left / room)[left > 0.0]
+    assert 0.4 < share.mean() < 0.6
+    assert share[room[left > 0.0] > 20.0].max() > 0.8
 
 
 def test_start_anywhere_covers_the_lap() -> None:
