@@ -33,6 +33,8 @@ LOST_LINE_M = 1.4
 """Further off the line than this the driver goes back to it as after a move aside."""
 OFF_LINE_CARE = 0.03
 """Share of the speed given up for each metre off the line, whose speeds hold only on it."""
+LEAST_OFF_LINE = 0.4
+"""Share of it that is left however far off: with none, a driver would stand in the gravel."""
 ON_LINE_M, OFF_LINE_M = 0.2, 0.7
 """Up to here off the line a driver still drives as alone, and from there with all care."""
 MOST_USED = 0.9
@@ -195,7 +197,8 @@ def drive_one(
     course -= drift / max(velocity, 5.0)
     angle = steer(distance, velocity, aside, lateral - line - aside, course, sideslip, yaw_rate, knows)
     aside += drift * AGENT_DT
-    careful = pace * (1.0 - OFF_LINE_CARE * abs(aside)) * math.sqrt(grip_left(values, where, velocity, knows))
+    careful = pace * max(1.0 - OFF_LINE_CARE * abs(aside), LEAST_OFF_LINE)
+    careful *= math.sqrt(grip_left(values, where, velocity, knows))
     care = max(care, clip((abs(aside) - ON_LINE_M) / (OFF_LINE_M - ON_LINE_M), 0.0, 1.0))
     pedal = press(distance + velocity * ACTUATION_S, velocity, yaw_rate, careful, care, limit, knows)
     pedal = clip(pedal, -1.0, 1.0)
