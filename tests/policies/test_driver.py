@@ -174,6 +174,20 @@ def test_drives_on_from_rest_whichever_way_it_faces(heading: float) -> None:
     assert (world.state["progress"] > 400.0).all()
 
 
+@pytest.mark.parametrize("heading", [-0.4, 0.0, 0.4])
+def test_comes_back_from_as_far_out_as_the_gravel_goes(heading: float) -> None:
+    track, driver = load_track("lindenring"), Driver("lindenring", "gt3")
+    lateral = track.table[:, WALL_LEFT] - 4.0
+    row = int(np.argmax(lateral - driver.line.offset))
+    # A driver that gives up three per cent of its speed a metre would have none left.
+    assert lateral[row] - driver.line.offset[row] > 33.4
+    world = World(track, load_car("gt3"), 1, 1)
+    world.reset(0, start_at([row * track.spacing], lateral=lateral[row], heading=heading))
+    run(world, [[driver]], 24.0)
+    assert world.state["progress"][0, 0] > row * track.spacing + 200.0
+    assert not world.state["off_course"][0, 0]
+
+
 @pytest.mark.parametrize(
     ("velocity", "turned", "left", "right", "expected"),
     [
