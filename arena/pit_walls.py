@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from nathlon.arena.stints import DrivenStint, written
+from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources.composite import Composite
 from nathlon.policies.sources.strategist import StrategistError
 from nathlon.policies.strategy import PitWall, Strategist
 from nathlon.sim.physics.pit_lane import ENTERING, ON_ROAD, REJOINING
@@ -46,22 +49,29 @@ class _Begun(NamedTuple):
     lane_s: float
 
 
+def strategist_of(policy: Policy | Absent, usual: Strategist | None) -> Strategist | None:
+    """Who decides when a policy's cars stop: its own strategist, or else the usual one of the scenario."""
+    own = policy.strategist if isinstance(policy, Composite) else None
+    return own or usual
+
+
 class PitWalls:
     """All strategists of a world, and what their cars drive between stops."""
 
     def __init__(
-        self, world: World, laps: int | None, advised: Sequence[Advised], watch: Watch, notes: str = ""
+        self, world: World, laps: int | None, advised: Iterable[Advised], watch: Watch, notes: str = ""
     ) -> None:
         """Fit the cars as their strategists have them start, unless their races go on.
 
         Args:
             world: whose cars are at their start.
             laps: of its races.
-            advised: who has a strategist.
+            advised: who has a strategist; of two for a car the last.
             watch: told before a strategist is asked.
             notes: as of `notes`, of races that go on; empty at their start.
         """
-        self._world, self._laps, self._advised, self._watch = world, laps, advised, watch
+        self._world, self._laps, self._watch = world, laps, watch
+        self._advised = {(one.race, one.car): one for one in advised}
         self._at_fault: list[tuple[int, int]] = []
         shape = world.state.shape
         self._begun = np.full(shape, -1.0)
@@ -76,8 +86,7 @@ class PitWalls:
         if notes:
             self._recall(notes)
             return
-        for one in advised:
-            race, car = one.race, one.car
+        for (race, car), one in self._advised.items():
             service = self._ask(one, start=True) or Service()
             world.fit(race, car, service)
             self._asked[race, car] = service.compound
@@ -115,6 +124,19 @@ class PitWalls:
         at_fault, self._at_fault = self._at_fault, []
         return at_fault
 
+    def hand_over(self, to: Advised) -> None:
+        """Have another strategist decide about a car from now on; what was asked for before is forgotten.
+
+        It is asked at once, or after the service if the car is on its way to the box.
+        """
+        at = to.race, to.car
+        if self._advised.get(at) == to:
+            return
+        self._advised[at] = to
+        self._begun[at] = -1.0
+        self._driven.setdefault(at, [])
+        self._stint.setdefault(at, _Begun(self._compounds[to.race][to.car], 0, 0.0, 0.0))
+
     def _ask_all(self) -> None:
         self._note_stops()
         state = self._world.state
@@ -124,8 +146,7 @@ class PitWalls:
             return
         began &= state["driving"] & (state["stage"] != ENTERING)
         self._begun[began] = laps[began]
-        for one in self._advised:
-            race, car = one.race, one.car
+        for (race, car), one in self._advised.items():
             if began[race, car]:
                 service = self._ask(one)
                 self._world.ask_stop(race, car, service)

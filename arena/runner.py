@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from nathlon.arena.classification import BLANK, classify
 from nathlon.arena.halt import Halt
 from nathlon.arena.match import Match, Swap
-from nathlon.arena.pit_walls import Advised, PitWalls
+from nathlon.arena.pit_walls import Advised, PitWalls, strategist_of
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy, has_reverse
-from nathlon.policies.sources.composite import Composite
-from nathlon.policies.strategy import usual_strategist
+from nathlon.policies.strategy import NO_STOPS, usual_strategist
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.errors import InputError
@@ -163,7 +162,7 @@ class _View:
 
 
 class _Relief(NamedTuple):
-    """Somebody who takes a car over from a moment on.
+    """Somebody who takes a car over from a moment on, and its pit wall.
 
     It is asked for all cars of the one whose place it takes, and heard for its own: matrix products round
     differently with the number of rows, and so the same policy drives the same to the bit.
@@ -173,12 +172,14 @@ class _Relief(NamedTuple):
         from_s: when, s.
         view: what it would see in all those cars; None if its policy is absent.
         policy: its policy.
+        advised: the car with its strategist; None if it is the entrant who drove before.
     """
 
     car: int
     from_s: float
     view: _View | None
     policy: Policy | Absent
+    advised: Advised | None
 
 
 class _Meeting:
@@ -222,13 +223,14 @@ class _Meeting:
             for team in self._teams:
                 team.recall(begin.memory)
         self._usual = [usual_strategist(scenario, model) for model in self.world.models]
-        advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
-        self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
             if match.swap
         ]
+        taken = [one.advised for one in self._reliefs if one.advised and one.from_s < EARLY_S]
+        advised, notes = (*self._advised(line_ups), *taken), begin.pit_walls if begin else ""
+        self._pit_walls = PitWalls(self.world, scenario.laps, advised, watch, notes)
 
     def _line_up(self, line_ups: Mapping[int, LineUp]) -> list[_View]:
         """All teams by what they observe; cars whose policy is absent are out."""
@@ -270,10 +272,8 @@ class _Meeting:
         for number, (match, policies) in line_ups.items():
             for index, race in enumerate(match.races, start=self._races[number].start):
                 for car, seat in enumerate(race.seats):
-                    policy = policies[seat.entrant]
-                    own = policy.strategist if isinstance(policy, Composite) else None
-                    strategist = own or self._usual[self.world.state["model"][index, car]]
-                    if strategist is not None:
+                    usual = self._usual[self.world.state["model"][index, car]]
+                    if strategist := strategist_of(policies[seat.entrant], usual):
                         yield Advised(index, car, number, seat.entrant, strategist)
 
     def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
@@ -281,11 +281,14 @@ class _Meeting:
         before = match.races[swap.race].seats[swap.car].entrant
         seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
         cars = np.flatnonzero(seats == before) + grid * first
-        view, policy = None, policies[swap.entrant]
+        view, advised, policy, race = None, None, policies[swap.entrant], int(first) + swap.race
+        if match.entrants[swap.entrant] != match.entrants[before]:
+            usual = self._usual[self.world.state["model"][race, swap.car]]
+            advised = Advised(race, swap.car, number, swap.entrant, strategist_of(policy, usual) or NO_STOPS)
         if not isinstance(policy, Absent):
             team = Team(policy, cars, number, swap.entrant, match.races[0].seed + before)
             view = _View(policy.observation_spec, [team], grid, self._reaction)
-        return _Relief(grid * (first + swap.race) + swap.car, swap.from_s, view, policy)
+        return _Relief(grid * race + swap.car, swap.from_s, view, policy, advised)
 
     def _retire(self, cars: NDArray[np.int64], ending: str) -> None:
         """Take those of some cars that still drive out of their races, now."""
@@ -371,6 +374,8 @@ class _Meeting:
         assert relief.view is not None, "a policy looks"
         if now:
             self._cars["has_reverse"][relief.car] = has_reverse(relief.policy)
+            if relief.advised:
+                self._pit_walls.hand_over(relief.advised)
         # What it sees may be late: it looks from the start.
         for team, seen, due in relief.view.look(self.world):
             [row] = np.flatnonzero(team.cars == relief.car)

@@ -149,6 +149,9 @@ class StintPlan:
         return self._stints[min(int(wall.stops[wall.car]), len(self._stints) - 1)].pace
 
 
+NO_STOPS = StintPlan((Stint(laps=1),))
+"""A plan of one stint, which lasts to the end."""
+
 WORN = 0.85
 """Wear at which a car stops that has no plan."""
 HALF_WORN = 0.4

@@ -19,8 +19,6 @@ from nathlon.arena.recording import read_recording, write_recording
 from nathlon.judge.twin.checks import check_moment, check_one_start
 from nathlon.judge.twin.rebuild import Rebuilt, rebuild
 from nathlon.judge.twin.running import OnRace, race_both, see_again
-from nathlon.policies.sources import COMPOSITE
-from nathlon.policies.sources.composite import CompositeSource
 from nathlon.reports.cars import car_index
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.results.twin import Side, Twins, outcome
@@ -85,7 +83,8 @@ def twin(
     """A recorded race beside its twin: another policy in a car's place from a moment, or another recording.
 
     The recorded race is run again, to the bit, and once more with the other policy, which has no memory of
-    what was before its moment. What each driver of the car saw is kept.
+    what was before its moment, and decides from then on when the car stops. What each driver of the car saw
+    is kept.
 
     Args:
         recording: of the race (.mcap).
@@ -140,11 +139,6 @@ def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
     [answer] = enter_each(pool, [one_source(policy, people=True)], log.circuit, log.car)
     if isinstance(answer, InputError):
         raise answer
-    if answer.source.endswith(COMPOSITE) and CompositeSource.read(Path(answer.source)).file.stops:
-        raise InputError(
-            f"{answer.source}: says when to stop, expected a policy alone: "
-            "in the twin the car stops as in the race"
-        )
     return answer
 
 

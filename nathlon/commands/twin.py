@@ -22,7 +22,8 @@ def twin(
         typer.Argument(help="Recording of another race from the same start, instead of --policy."),
     ] = None,
     policy: Annotated[
-        str | None, typer.Option(help="Driver of the car in the twin: checkpoint, driver or plugin.")
+        str | None,
+        typer.Option(help="Driver of the car in the twin: checkpoint, composite, driver or plugin."),
     ] = None,
     at_s: Annotated[
         float, typer.Option("--at", help="Time at which it takes over, s since the start.")
@@ -40,7 +41,8 @@ def twin(
 ) -> None:
     """Run a recorded race again with another policy in a car's place, and show both side by side.
 
-    The policy takes over at --at without memory of what was before; until then both races are the same.
+    The policy takes over at --at without memory of what was before, and says from then on when the car stops;
+    until then both races are the same.
     """
     with at_work("Nothing was written."):
         import nathlon

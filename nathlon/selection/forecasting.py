@@ -52,7 +52,7 @@ ASSUMED = Habits(
     front=0.9,
     filtering=0.7,
     racing=0.7,
-    core_s={"pareto": 0.2, "battery": 0.06, "tournament": 0.3},
+    core_s={"pareto": 0.2, "battery": 0.08, "tournament": 0.3},
     deviation=4.0,
 )
 """Without an earlier selection: see docs/plan.md for what they are from."""

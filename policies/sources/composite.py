@@ -83,11 +83,6 @@ class CompositeFile(Section):
         return self
 
     @property
-    def stops(self) -> bool:
-        """Whether it says when to stop."""
-        return any(getattr(self, name) for name in STRATEGIES)
-
-    @property
     def strategy_label(self) -> str:
         """What its strategy is called."""
         stops = max(len(self.stint) - 1, 0)

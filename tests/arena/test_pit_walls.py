@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match import Match, Race, Seat, Swap
 from nathlon.arena.pit_walls import Advised, PitWalls
-from nathlon.arena.runner import run_match
+from nathlon.arena.runner import run_match, run_until
 from nathlon.arena.stints import DrivenStint, read
 from nathlon.arena.watch import Watch
 from nathlon.policies.bundled import champion
@@ -159,6 +160,66 @@ def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
     assert again.notes == walls.notes
     again.listen()
     assert len(strategist.walls) == 2, "the lap has begun before"
+
+
+def test_a_pit_wall_changes_hands_with_the_wheel(tmp_path: Path) -> None:
+    """One plans a stop after a lap and one does not; during that lap each takes the other's place."""
+    scenario, sources = (
+        "grand_prix_stops:laps=2,cars=2",
+        ("driver:pace=0.9", written(tmp_path, PART + SOFT + HARD)),
+    )
+    match = Match(
+        "race",
+        "swaps",
+        scenario,
+        "lindenring",
+        "gt3",
+        ("driver", "plan"),
+        sources,
+        (Race(1, (Seat(0), Seat(1))),),
+    )
+    policies = [load_policy(source, "lindenring", "gt3") for source in sources]
+
+    def raced(swap: Swap | None) -> tuple[dict[float, bytes], list[int], list[list[DrivenStint]]]:
+        worlds: list[World] = []
+        moved: dict[float, bytes] = {}
+
+        def look(world: World) -> None:
+            worlds.append(world)
+            moved[float(world.time[0])] = world.state[["x", "y", "yaw", "fuel", "asked"]].tobytes()
+
+        results = run_match(replace(match, swap=swap), policies, look)
+        return moved, worlds[-1].state["stops"][0].tolist(), [read(text) for text in results["stints"]]
+
+    original, stops, stints = raced(None)
+    assert stops == [0, 1]
+    for car, stops_then in ((0, [1, 1]), (1, [0, 0])):
+        moved, stops, stints = raced(Swap(0, car, 1 - car, 60.0))
+        assert stops == stops_then
+        until = max(time_s for time_s, state in moved.items() if original.get(time_s) == state)
+        assert until == pytest.approx(60.0)
+        assert all(original[time_s] == state for time_s, state in moved.items() if time_s <= until)
+        if car == 0:
+            assert [(one.compound, one.laps) for one in stints[0]] == [
+                ("racing-medium", 1),
+                ("racing-hard", 1),
+            ]
+    halt, _ = run_until(replace(match, swap=Swap(0, 0, 1, 0.0)), policies, Watch(), 1.0)
+    assert halt.races.cars["tyre_grip"][0].tolist() == [1.04, 1.04], "from the start it starts as it says"
+
+
+def test_who_takes_its_own_place_is_not_asked_again(tmp_path: Path) -> None:
+    """A strategist may answer otherwise within the lap, and the race would be another one."""
+    source, ids = written(tmp_path, PART), ("own", "own")
+    policies = [load_policy(source, "lindenring", "gt3") for _ in ids]
+    told = [Listening(), Listening()]
+    for policy, strategist in zip(policies, told, strict=True):
+        assert isinstance(policy, Composite)
+        policy.strategist = strategist
+    races, swap = (Race(1, (Seat(0),)),), Swap(0, 0, 1, 1.0)
+    match = Match("race", "again", "stint:laps=1", "lindenring", "gt3", ids, (source,) * 2, races, swap=swap)
+    run_until(match, policies, Watch(), 2.0)
+    assert [len(one.walls) for one in told] == [2, 0]
 
 
 class Failing:

@@ -45,6 +45,7 @@ DECATHLON = (
     "following",
     "emergency",
     "race_craft",
+    "race_with_stop",
 )
 ON_REQUEST = ("wet_start", "drying_road", "tyre_care", "fuel_saving", "pit_stop")
 """Shipped tests that are held only if they are named."""

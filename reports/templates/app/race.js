@@ -112,7 +112,7 @@ function twinOf({ state, recording }, shown) {
   const show = () => {
     const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
     asked.replaceChildren(
-      h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. From the folder above this page:`),
+      h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. FILE may bring another plan of stops. From the folder above this page:`),
       command(["nathlon", "twin", file, "--car", startNumber(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
   };
   return [h("p", {}, h("button", { type: "button", class: "moment", onclick: show }, "race it again with another policy from this moment")), asked];
