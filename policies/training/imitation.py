@@ -105,6 +105,8 @@ class Imitation:
                 raise InputError(f"{origin}: no run of imitation to start from")
             run._take(origin, state)
         make_run_folder(folder, config, seed)
+        if origin is not None:
+            run._keep(np.zeros(0))
         return run
 
     @classmethod
@@ -119,7 +121,7 @@ class Imitation:
         if state:
             run._take(folder, state)
             run._rounds, run.updates, run.transitions = state.rounds, state.updates, state.transitions
-            run._weights, run._curve = state.weights, state.curve
+            run._weights, run._curve = state.weights if state.rounds else None, state.curve
         return run
 
     def _take(self, folder: Path, state: PolishState) -> None:
@@ -176,20 +178,15 @@ class Imitation:
         due = self.updates // self.config.checkpoint_every > before // self.config.checkpoint_every
         if due or self._rounds == self._settings.rounds:
             laps = self._checkpoint(loss)
-        save_state(
-            self.folder,
-            PolishState(
-                self._rounds,
-                self.updates,
-                self.transitions,
-                self._pupil.trained.tensors(),
-                self._draw.weights,
-                self._curve,
-            ),
-            self._facts,
-        )
+        self._keep(self._draw.weights)
         pace = (self.updates - before) / (time.perf_counter() - began)
         return Status(self.updates, self.transitions, pace, *laps)
+
+    def _keep(self, weights: NDArray[np.float64]) -> None:
+        """Put where it stands on disk, with the weights of its pairs; none before the first round."""
+        tensors = self._pupil.trained.tensors()
+        state = PolishState(self._rounds, self.updates, self.transitions, tensors, weights, self._curve)
+        save_state(self.folder, state, self._facts)
 
     def _note(self, school: School, rng: np.random.Generator) -> None:
         """Hold the classes of a round, and write down what was said."""

@@ -388,6 +388,10 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
     further = Imitation.start(tmp_path / "further", read_config(path), 2, run)
     (_, before), after = read_checkpoint(trained.checkpoints[-1]), further._pupil.averaged()
     np.testing.assert_allclose(after["0.weight"], before["0.weight"], atol=1e-3)
+    # Stopped in its first round, it still goes on from the other one.
+    resumed = Imitation.resume(tmp_path / "further")
+    assert np.array_equal(resumed._pupil.averaged()["0.weight"], after["0.weight"])
+    resumed.hold([HOME])
     with pytest.raises(InputError, match="imitation: expected none in a training by rewards"):
         Trainer.resume(run)
 
