@@ -109,7 +109,7 @@ class Polyline(_message.Message):
     def __init__(self, x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., z_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Race(_message.Message):
-    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right", "runoff_left", "runoff_right", "zone", "sections")
+    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right", "runoff_left", "runoff_right", "zone", "sections", "lane")
     CIRCUIT_FIELD_NUMBER: _ClassVar[int]
     CAR_FIELD_NUMBER: _ClassVar[int]
     SCENARIO_FIELD_NUMBER: _ClassVar[int]
@@ -132,6 +132,7 @@ class Race(_message.Message):
     RUNOFF_RIGHT_FIELD_NUMBER: _ClassVar[int]
     ZONE_FIELD_NUMBER: _ClassVar[int]
     SECTIONS_FIELD_NUMBER: _ClassVar[int]
+    LANE_FIELD_NUMBER: _ClassVar[int]
     circuit: str
     car: str
     scenario: str
@@ -154,4 +155,5 @@ class Race(_message.Message):
     runoff_right: _containers.RepeatedScalarFieldContainer[int]
     zone: _containers.RepeatedScalarFieldContainer[bool]
     sections: _containers.RepeatedCompositeFieldContainer[Stretch]
-    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_left: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., runoff_left: _Optional[_Iterable[int]] = ..., runoff_right: _Optional[_Iterable[int]] = ..., zone: _Optional[_Iterable[bool]] = ..., sections: _Optional[_Iterable[_Union[Stretch, _Mapping]]] = ...) -> None: ...
+    lane: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_left: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., runoff_left: _Optional[_Iterable[int]] = ..., runoff_right: _Optional[_Iterable[int]] = ..., zone: _Optional[_Iterable[bool]] = ..., sections: _Optional[_Iterable[_Union[Stretch, _Mapping]]] = ..., lane: _Optional[_Iterable[int]] = ...) -> None: ...

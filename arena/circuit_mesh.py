@@ -8,12 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.race_log import Outline
+from nathlon.sim.physics.pit_lane import ASIDE_M
 from nathlon.sim.track import SURFACES
 
 ROAD = (62, 63, 68)
 KERB = ((200, 45, 50), (232, 232, 232))
 """Stripes, in turn."""
 STRIPE_ROWS = 2
+LANE_M = ASIDE_M - 2.0, ASIDE_M + 2.0
+"""How far beside the road the pit lane begins and ends."""
+LANE_ABOVE_M = 0.02
+"""Above the run-off, so that it is seen."""
 RUNOFF = {"tarmac": (104, 106, 112), "grass": (80, 116, 64), "gravel": (190, 172, 128)}
 
 
@@ -40,14 +45,16 @@ def mesh(quads: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.ui
 
 
 def surfaces(outline: Outline) -> dict[str, Surface]:
-    """The ground of a circuit by what it is: road, kerbs in both colours, and run-off. None is empty."""
-    kerbs, runoff = [], []
+    """The ground of a circuit by what it is: road, kerbs, run-off and pit lane. None is empty."""
+    kerbs, runoff, lanes = [], [], []
     for inner, outer, wall, surface, side in (
         (outline.left, outline.kerb_left, outline.wall_left, outline.runoff_left, 1),
         (outline.right, outline.kerb_right, outline.wall_right, outline.runoff_right, -1),
     ):
         kerbs.append(band(outer, inner)[:, ::side])
         runoff.append((band(wall, outer)[:, ::side], surface))
+        near, far = (_beside(inner, outline.centre, away_m) for away_m in LANE_M)
+        lanes.append(band(far, near)[outline.lane == side, ::side])
     found = {"road": Surface(ROAD, band(outline.left, outline.right))}
     for stripe, colour in enumerate(KERB):
         drawn = [
@@ -58,7 +65,15 @@ def surfaces(outline: Outline) -> dict[str, Surface]:
     for name, colour in RUNOFF.items():
         drawn = [quads[surface == SURFACES.index(name)] for quads, surface in runoff]
         found[name] = Surface(colour, np.concatenate(drawn))
+    found["pit_lane"] = Surface(ROAD, np.concatenate(lanes))
     return {name: surface for name, surface in found.items() if len(surface.quads)}
+
+
+def _beside(edge: NDArray[np.float64], centre: NDArray[np.float64], away_m: float) -> NDArray[np.float64]:
+    """A line beside an edge of the road, as high as it, some metres farther from the centre line."""
+    outwards = (edge - centre)[:, :2]
+    outwards = outwards / np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), 1e-9)
+    return np.column_stack([edge[:, :2] + away_m * outwards, edge[:, 2] + LANE_ABOVE_M])
 
 
 def _has_area(quads: NDArray[np.float64]) -> NDArray[np.bool_]:

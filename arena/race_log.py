@@ -97,7 +97,8 @@ class Outline:
 
     The kerb lines are the outer edges of the kerbs; where there is no kerb they run on the road's edges.
     The run-off between there and the walls is (n,) int64, indices of `nathlon.sim.track.SURFACES`; `zone` is
-    (n,) bool, true where penalties are served.
+    (n,) bool, true where penalties are served; `lane` is (n,) int64, 1 where the pit lane lies left of the
+    road, -1 where it lies right of it, and 0 elsewhere.
     """
 
     left: NDArray[np.float64]
@@ -110,6 +111,7 @@ class Outline:
     runoff_left: NDArray[np.int64]
     runoff_right: NDArray[np.int64]
     zone: NDArray[np.bool_]
+    lane: NDArray[np.int64]
 
 
 @dataclass(frozen=True)

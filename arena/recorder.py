@@ -304,4 +304,13 @@ def outline(track: Track) -> Outline:
         runoff_left=table[:, RUNOFF_LEFT].astype(np.int64),
         runoff_right=table[:, RUNOFF_RIGHT].astype(np.int64),
         zone=table[:, ZONE] > 0.0,
+        lane=_lane(track),
     )
+
+
+def _lane(track: Track) -> NDArray[np.int64]:
+    """On which side of each row the pit lane lies; see `Outline`."""
+    lane = track.pit_lane
+    from_entry_m = (np.arange(len(track.table)) * track.spacing - lane.entry_m) % track.length
+    side = 1 if lane.side == "left" else -1
+    return np.where(from_entry_m < lane.length(track.length), side, 0)

@@ -37,7 +37,7 @@ from nathlon.sim.whole_file import whole_file
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
 OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right")
-OUTLINE_ROWS = ("runoff_left", "runoff_right", "zone")
+OUTLINE_ROWS = ("runoff_left", "runoff_right", "zone", "lane")
 FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
 
 CAMERAS = "nathlon.cameras"
@@ -293,7 +293,9 @@ def _outline(race: pb.Race) -> Outline:
     lines = {name: _polyline(name, getattr(race, name)) for name in OUTLINE_LINES}
     runoff = {name: np.array(getattr(race, name), np.int64) for name in ("runoff_left", "runoff_right")}
     zone = np.array(race.zone, np.bool_)
-    for name, values in (lines | runoff | {"zone": zone}).items():
+    # Earlier recordings know no pit lane.
+    lane = np.array(race.lane or [0] * len(lines["centre"]), np.int64)
+    for name, values in (lines | runoff | {"zone": zone, "lane": lane}).items():
         if len(values) != len(lines["centre"]):
             raise ValueError(
                 f"field {name} has {len(values)} points, expected as many as centre, {len(lines['centre'])}"
@@ -301,7 +303,9 @@ def _outline(race: pb.Race) -> Outline:
     for name, values in runoff.items():
         if not np.isin(values, np.arange(len(SURFACES))).all():
             raise ValueError(f"field {name} names an unknown surface, expected 0 to {len(SURFACES) - 1}")
-    return Outline(**lines, runoff_left=runoff["runoff_left"], runoff_right=runoff["runoff_right"], zone=zone)
+    if not np.isin(lane, (-1, 0, 1)).all():
+        raise ValueError("field lane names an unknown side, expected -1, 0 or 1")
+    return Outline(**lines, **runoff, zone=zone, lane=lane)
 
 
 def _polyline(name: str, line: pb.Polyline) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
+from nathlon.arena.circuit_mesh import KERB, LANE_M, ROAD, RUNOFF
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import NOTICES, NamedStretch, Outline, RaceLog, lap_length, origin, progress
 from nathlon.reports.cars import car_colours, labels
@@ -131,7 +131,8 @@ def circuit_data(outline: Outline, sections: Sequence[NamedStretch]) -> dict[str
         "step": OUTLINE_STEP_M,
         "points": packed(np.rint(points / OUTLINE_STEP_M)),
         "heights": packed(np.rint(heights / OUTLINE_STEP_M)),
-        "runoff": packed(np.stack([outline.runoff_left, outline.runoff_right, outline.zone])),
+        "runoff": packed(np.stack([outline.runoff_left, outline.runoff_right, outline.zone, outline.lane])),
+        "lane": LANE_M,
         "surfaces": [_css(RUNOFF.get(name, ROAD)) for name in SURFACES],
         "road": _css(ROAD),
         "kerb": [_css(colour) for colour in KERB],

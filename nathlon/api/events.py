@@ -30,7 +30,7 @@ from nathlon.lab.events.race_folder import drive_race
 from nathlon.lab.events.standings import Started, class_leaders, season_table, with_names
 from nathlon.lab.stints.practice import with_settings
 from nathlon.policies.sources import COMPOSITE, OBJECT
-from nathlon.reports.event_page import Chapter, lap_chapter, write_event_page
+from nathlon.reports.event_page import lap_chapter, write_event_page
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import check_output, whole_file, writing
@@ -159,7 +159,7 @@ def endurance(
         grid = grid_by_class(entered, load_scenario(name).cars)
         match = single_race(entered, name, seed, grid)
         event = f"{hours:g} hours of {circuit}"
-        return _drive(pool, match, entered, folder, partial(on_match, RACE), event, [])
+        return _drive(pool, match, entered, folder, partial(on_match, RACE), event)
 
 
 def weekend(
@@ -217,9 +217,8 @@ def weekend(
         match = single_race([starting[index] for index in order], name, seed)
         entered = [entered[index] for index in order]
         qualifying = _qualifying(entered, [lap_s for _, lap_s in times])
-        before = [qualifying_chapter(qualifying), *([] if planned is None else [practice_chapter(planned)])]
         event = f"{laps} laps of {circuit}"
-        race = _drive(pool, match, entered, folder, partial(on_match, RACE), event, before)
+        race = _drive(pool, match, entered, folder, partial(on_match, RACE), event, qualifying, planned)
     return WeekendResult(race, circuit, planned, qualifying)
 
 
@@ -356,12 +355,14 @@ def _drive(
     folder: Path,
     on_leg: Callable[[int, int], None],
     event: str,
-    before: Sequence[Chapter],
+    qualifying: pl.DataFrame | None = None,
+    practice: pl.DataFrame | None = None,
 ) -> EnduranceResult:
     """Drive the race of a match, and write its tables and page.
 
     Args:
         entered: those of the match.
+        qualifying, practice: what was before it, as of `WeekendResult`.
     """
     driven = drive_race(pool, match, folder / "legs", on_leg)
     called = class_names([one.car for one in entered])
@@ -374,7 +375,9 @@ def _drive(
     if of_classes(results):
         _, *others = class_leaders(results).items()
         headline += "".join(f"; {name} is the first of {car_class}" for car_class, name in others)
-    chapters = [race_chapter(results, "Race"), lap_chapter(laps, "Laps"), stint_chapter(laps), *before]
+    chapters = [race_chapter(results, "Race"), lap_chapter(laps, "Laps"), stint_chapter(laps)]
+    chapters += [] if qualifying is None else [qualifying_chapter(qualifying)]
+    chapters += [] if practice is None else [practice_chapter(practice, results)]
     page = write_event_page(folder, headline, event, chapters)
     return EnduranceResult(folder, results, laps, page)
 

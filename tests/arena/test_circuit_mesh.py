@@ -29,6 +29,7 @@ def strip_area(inner_m: float, outer_m: float) -> float:
         (("kerb_0", "kerb_1"), strip_area(6.0, 7.0) / 2),
         (("grass",), strip_area(6.0, 7.0) / 2 + strip_area(7.0, 10.0)),
         (("gravel",), strip_area(-10.0, -6.0)),
+        (("pit_lane",), 100.0 * 4.0),
     ],
 )
 def test_each_surface_covers_its_part_and_faces_up(names: tuple[str, ...], area: float) -> None:
@@ -38,8 +39,18 @@ def test_each_surface_covers_its_part_and_faces_up(names: tuple[str, ...], area:
     assert drawn.sum() == pytest.approx(area, rel=0.02)
 
 
+def test_the_pit_lane_lies_beside_the_road_and_is_not_hidden_by_the_ground() -> None:
+    outline = oval_outline()
+    vertices, _ = mesh(surfaces(outline)["pit_lane"].quads)
+    away_m = np.linalg.norm(vertices[:, None, :2] - outline.right[None, :, :2], axis=2).min(axis=1)
+    assert away_m.min() == pytest.approx(4.0, abs=0.1)
+    assert away_m.max() == pytest.approx(8.0, abs=0.1)
+    nearest = np.linalg.norm(vertices[:, None, :2] - outline.right[None, :, :2], axis=2).argmin(axis=1)
+    assert (vertices[:, 2] > outline.right[nearest, 2]).all()
+
+
 def test_only_what_is_there_is_drawn() -> None:
-    assert set(surfaces(oval_outline())) == {"road", "kerb_0", "kerb_1", "grass", "gravel"}
+    assert set(surfaces(oval_outline())) == {"road", "kerb_0", "kerb_1", "grass", "gravel", "pit_lane"}
 
 
 def test_the_road_lies_at_its_height() -> None:

@@ -165,6 +165,14 @@ def test_a_finish_is_told_when_the_line_is_crossed_whatever_the_penalties(tmp_pa
     assert last_driven < told.time_s <= last_driven + 0.1
 
 
+def test_the_outline_has_the_pit_lane_of_the_circuit() -> None:
+    track = load_track("lindenring")
+    lane, along_m = outline(track).lane, np.arange(len(track.table)) * track.spacing
+    inside = (along_m >= track.pit_lane.entry_m) | (along_m < track.pit_lane.exit_m)
+    assert track.pit_lane.exit_m < track.pit_lane.entry_m, "it passes the line"
+    np.testing.assert_array_equal(lane, np.where(inside, -1, 0))
+
+
 def test_the_outline_has_the_kerbs_of_the_circuit() -> None:
     track = load_track("lindenring")
     lines = outline(track)

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.schema import register_schema
 
 from nathlon.arena import _car_state_pb2 as pb
+from nathlon.arena import recording as recording_module
 from nathlon.arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
 from nathlon.arena.recording import OUTLINE_LINES, read_recording, recover_recording, write_recording
 from nathlon.sim.errors import InputError
@@ -65,9 +67,9 @@ def sealed(path: Path, messages: list[tuple[str, Message]]) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def one_point_race(runoff_right: list[int]) -> pb.Race:
+def one_point_race(runoff_right: list[int], lane: Sequence[int] = ()) -> pb.Race:
     """A race whose circuit is one point."""
-    race = pb.Race(runoff_left=[0], runoff_right=runoff_right, zone=[False])
+    race = pb.Race(runoff_left=[0], runoff_right=runoff_right, zone=[False], lane=lane)
     for line in OUTLINE_LINES:
         getattr(race, line).CopyFrom(POINT)
     return race
@@ -239,6 +241,8 @@ def test_what_is_not_a_file_of_ours_is_refused(tmp_path: Path) -> None:
         ),
         ([("/race", pb.Race(runoff_left=[2]))], "field runoff_left has 1 points"),
         ([("/race", one_point_race(runoff_right=[4]))], "field runoff_right names an unknown surface"),
+        ([("/race", one_point_race([0], lane=[2]))], "field lane names an unknown side"),
+        ([("/race", one_point_race([0], lane=[0, 1]))], "field lane has 2 points"),
     ],
 )
 def test_whole_files_of_other_contents_are_refused(
@@ -247,6 +251,10 @@ def test_whole_files_of_other_contents_are_refused(
     sealed(tmp_path / "foreign.mcap", messages)
     with pytest.raises(InputError, match=rf"foreign\.mcap is not a recording.*{fault}"):
         read_recording(tmp_path / "foreign.mcap")
+
+
+def test_earlier_recordings_have_no_pit_lane() -> None:
+    assert recording_module._outline(one_point_race([0])).lane.tolist() == [0]
 
 
 def test_a_chunk_that_cannot_be_unpacked_is_refused(tmp_path: Path, recording: bytes) -> None:

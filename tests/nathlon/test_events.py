@@ -238,7 +238,7 @@ def test_practice_of_another_form_is_refused(kept: bytes, tmp_path: Path) -> Non
         events._practised(path)
 
 
-def test_practice_says_why_there_is_no_plan() -> None:
+def test_practice_says_what_was_expected_and_came_or_why_there_is_no_plan() -> None:
     practice = pl.DataFrame(
         {
             "name": ["one", "two", "three"],
@@ -247,11 +247,12 @@ def test_practice_says_why_there_is_no_plan() -> None:
             "reason": [None, "9 practice laps", None],
         }
     )
-    shown = practice_chapter(practice)
+    results = pl.DataFrame({"name": ["three", "one", "two"], "race_time_s": [498.0, 501.5, None]})
+    shown = practice_chapter(practice, results)
     assert shown.rows == [
-        ["one", "from practice", "500.000"],
-        ["two", "none: 9 practice laps", ""],
-        ["three", "", ""],
+        ["one", "from practice", "500.000", "501.500"],
+        ["two", "none: 9 practice laps", "", ""],
+        ["three", "", "", "498.000"],
     ]
 
 

@@ -138,7 +138,7 @@ def oval_outline() -> Outline:
     """Edges 6 m and walls 10 m from the oval's centre line, with a corner every 5 m.
 
     A kerb of 1 m on the left in the first half of the lap; gravel on the right, grass on the left; a penalty
-    zone between 100 and 200 m.
+    zone between 100 and 200 m, and a pit lane on the right in the first 100 m.
     """
     distance_m = np.arange(0.0, LAP_M, 5.0)
 
@@ -157,4 +157,5 @@ def oval_outline() -> Outline:
         runoff_left=np.full(len(distance_m), SURFACES.index("grass")),
         runoff_right=np.full(len(distance_m), SURFACES.index("gravel")),
         zone=(distance_m >= 100.0) & (distance_m < 200.0),
+        lane=np.where(distance_m < 100.0, -1, 0),
     )

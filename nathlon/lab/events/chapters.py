@@ -71,17 +71,19 @@ def qualifying_chapter(qualifying: pl.DataFrame) -> Chapter:
     return table_chapter("Qualifying", rows, ("Place", "Class", "Entrant", "Lap"))
 
 
-def practice_chapter(practice: pl.DataFrame) -> Chapter:
-    """Practice: what the race of each entrant is expected to take, or why it has no plan."""
+def practice_chapter(practice: pl.DataFrame, results: pl.DataFrame) -> Chapter:
+    """Practice: what the race of each entrant was expected to take and took, or why it has no plan."""
+    came = dict(zip(results["name"], results["race_time_s"], strict=True))
     rows = [
         [
             row["name"],
             "from practice" if row["plan"] else f"none: {row['reason']}" if row["reason"] else "",
             seconds(row["expected_s"]),
+            seconds(came[row["name"]]),
         ]
         for row in practice.iter_rows(named=True)
     ]
-    return table_chapter("Practice", rows, ("Entrant", "Plan", "Expected"))
+    return table_chapter("Practice", rows, ("Entrant", "Plan", "Expected", "Came"))
 
 
 def season_chapter(table: pl.DataFrame, circuits: Sequence[str]) -> Chapter:

@@ -15,7 +15,8 @@
  * @property {number} step of the outline, m
  * @property {string} points
  * @property {string} heights
- * @property {string} runoff
+ * @property {string} runoff surfaces left and right of the road, penalty zone, side of the pit lane
+ * @property {[number, number]} lane how far beside the road the pit lane begins and ends, m
  * @property {string[]} surfaces colours
  * @property {string} road its colour
  * @property {string[]} kerb its colours

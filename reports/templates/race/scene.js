@@ -31,7 +31,7 @@ export function sized(canvas, share = 1) {
  * What the scene draws; of test drives only the present and a short past.
  * @typedef {Pick<import("./recording.js").Recording, "cars" | "line" | "ground" | "drives"> & {
  *   race: Pick<import("./recording.js").RaceData, "cars" | "length" | "width" | "incidents">,
- *   circuit: Pick<import("./recording.js").CircuitData, "surfaces" | "kerb" | "road">,
+ *   circuit: Pick<import("./recording.js").CircuitData, "surfaces" | "kerb" | "road" | "lane">,
  *   time: number[], samples: { x: ArrayLike<number>[], y: ArrayLike<number>[] },
  *   moment: (seconds: number) => [number, number],
  *   value: (name: import("./recording.js").SampleName, car: number, tick: number, part: number) => number,
@@ -109,6 +109,22 @@ export function raceScene(recording, scene, state) {
     /** @param {number} i */
     const wide = (i) => Math.hypot(edge.x[i] - kerb.x[i], edge.y[i] - kerb.y[i]) > 0.1;
     fills.push(...strips(kerb, edge, (i) => (wide(i) ? circuit.kerb[(i >> 1) % 2] : null)));
+  }
+  /**
+   * A line some metres beside an edge of the road.
+   * @param {Line} edge
+   * @param {Line} other
+   * @param {number} away
+   */
+  function beside(edge, other, away) {
+    const wide = Array.from(edge.x, (x, i) => Math.hypot(x - other.x[i], edge.y[i] - other.y[i]));
+    /** @param {"x" | "y"} part */
+    const moved = (part) => edge[part].map((at, i) => at + ((at - other[part][i]) / wide[i]) * away);
+    return { x: moved("x"), y: moved("y"), z: edge.z };
+  }
+  for (const [edge, other, side] of /** @type {["left" | "right", "left" | "right", number][]} */ ([["left", "right", 1], ["right", "left", -1]])) {
+    const [near, far] = circuit.lane.map((away) => beside(line[edge], line[other], away));
+    fills.push(...strips(near, far, (i) => (ground[3][i] === side ? circuit.road : null)));
   }
   fills.push(...strips(line.left, line.right, () => circuit.road));
   const zone = strips(line.left, line.right, (i) => (ground[2][i] ? "#f2b134" : null));

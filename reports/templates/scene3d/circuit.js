@@ -13,6 +13,7 @@ const FAR_ROWS = 4; // that are drawn as one far away
 export const OUTSIDE_M = 90; // as far the land falls away behind a wall
 export const FALL_M = 9;
 const KERB_M = 0.06;
+const LANE_ABOVE_M = 0.03; // pit lane above the run-off
 const ADVERTS = [[196, 44, 40], [28, 84, 160], [232, 232, 228], [226, 170, 32], [30, 110, 74], [40, 42, 48]];
 const ADVERT_M = 9;
 
@@ -64,6 +65,12 @@ function layRow(mesh, { circuit, line, ground, spacing }, i, j) {
       return [away[0], away[1], line[wall].z[k] - FALL_M];
     };
     mesh.quad(at(wall, i), at(wall, j), out(j), out(i), dim(MEADOW), LOOK.grass, UP);
+  }
+  if (ground[3][i]) {
+    const [edge, other] = ground[3][i] > 0 ? ["left", "right"] : ["right", "left"];
+    const beside = (k, away) => toward(at(edge, k, LANE_ABOVE_M), at(other, k, LANE_ABOVE_M), -away);
+    const [near, far] = circuit.lane;
+    mesh.quad(beside(i, near), beside(i, far), beside(j, far), beside(j, near), dim(rgb(circuit.road)), LOOK.road, UP);
   }
   strip("left", "right", dim(ground[2][i] ? ZONE : rgb(circuit.road)), LOOK.road);
   for (const [side, other] of [["left", "right"], ["right", "left"]]) {
