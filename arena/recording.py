@@ -305,7 +305,8 @@ def _outline(race: pb.Race) -> Outline:
             raise ValueError(f"field {name} names an unknown surface, expected 0 to {len(SURFACES) - 1}")
     if not np.isin(lane, (-1, 0, 1)).all():
         raise ValueError("field lane names an unknown side, expected -1, 0 or 1")
-    return Outline(**lines, **runoff, zone=zone, lane=lane)
+    left, right = runoff["runoff_left"], runoff["runoff_right"]
+    return Outline(**lines, runoff_left=left, runoff_right=right, zone=zone, lane=lane)
 
 
 def _polyline(name: str, line: pb.Polyline) -> NDArray[np.float64]:
