@@ -253,13 +253,14 @@ def test_every_second_car_is_pushed_off_its_way(driven: list[np.ndarray]) -> Non
 def test_pushes_are_smaller_by_the_grip(driven: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
     # Practice on that grip would take long, and nobody heeds the teacher.
     monkeypatch.setattr(Pair, "wise", lambda pair, policy: policy)
-    assert ALONE.imitation is not None
+    still = ALONE.imitation
+    assert still is not None
     config = ALONE.model_copy(update={"observation": ObservationSettings(version=3)})
 
     def pushes(grip: float) -> np.ndarray:
         driven.clear()
         for disturbance in (0.0, 0.02):
-            imitates = ALONE.imitation.model_copy(update={"disturbance": disturbance, "length_s": 0.1})
+            imitates = still.model_copy(update={"disturbance": disturbance, "length_s": 0.1})
             pushed = config.model_copy(update={"imitation": imitates})
             planned = Class(config.rollouts[0], HOME._replace(grip=grip), 1.0, 0.0, seed=3)
             instruct(pushed, novice(config), note_numbers, planned)
