@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.race_log import Outline
+from nathlon.sim.camera.scenery import LEFT_WALL, RIGHT_WALL
 from nathlon.sim.track import SURFACES
 
 ROAD = (62, 63, 68)
 KERB = ((200, 45, 50), (232, 232, 232))
 """Stripes, in turn."""
 STRIPE_ROWS = 2
+WALLS = {"left": LEFT_WALL, "right": RIGHT_WALL}
+"""Panels in turn, so that speed can be seen; sides differ as cameras on cars see them."""
 RUNOFF = {"tarmac": (104, 106, 112), "grass": (80, 116, 64), "gravel": (190, 172, 128)}
 
 
