@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.race_log import Outline
+from nathlon.sim.camera.scenery import LEFT_WALL, RIGHT_WALL
 from nathlon.sim.physics.pit_lane import ASIDE_M
 from nathlon.sim.track import SURFACES
 
@@ -19,6 +20,8 @@ LANE_M = ASIDE_M - 2.0, ASIDE_M + 2.0
 """How far beside the road the pit lane begins and ends."""
 LANE_ABOVE_M = 0.02
 """Above the run-off, so that it is seen."""
+WALLS = {"left": LEFT_WALL, "right": RIGHT_WALL}
+"""Panels in turn, so that speed can be seen; sides differ as cameras on cars see them."""
 RUNOFF = {"tarmac": (104, 106, 112), "grass": (80, 116, 64), "gravel": (190, 172, 128)}
 
 

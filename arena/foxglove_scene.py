@@ -17,7 +17,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from numpy.typing import NDArray
 
-from nathlon.arena.circuit_mesh import mesh, surfaces
+from nathlon.arena.circuit_mesh import WALLS, mesh, surfaces
 from nathlon.arena.protobuf_rows import encode
 from nathlon.arena.race_log import Outline, RaceLog
 
@@ -64,8 +64,8 @@ def _circuit(outline: Outline) -> SceneEntity:
         for line, above_m, width_m, shade in (
             (outline.left, 0.02, 0.3, _colour(235, 235, 235)),
             (outline.right, 0.02, 0.3, _colour(235, 235, 235)),
-            (outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
-            (outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
+            (outline.wall_left, 0.5, 0.3, _colour(*WALLS["left"][0])),
+            (outline.wall_right, 0.5, 0.3, _colour(*WALLS["right"][0])),
         )
     ]
     return SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)

@@ -9,13 +9,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from nathlon.arena.circuit_mesh import RUNOFF, band, mesh, surfaces
+from nathlon.arena.circuit_mesh import RUNOFF, WALLS, band, mesh, surfaces
 from nathlon.arena.race_log import Outline
 from nathlon.reports._countryside import countryside
 
 WALL_HEIGHT_M = 0.9
-WALL_COLOURS = ((150, 150, 150), (176, 176, 176))
-"""Of panels in turn, so that speed can be seen."""
 PANEL_ROWS = 2
 ZONE_COLOUR = (242, 177, 52)
 """Where penalties are served."""
@@ -57,8 +55,8 @@ def log_circuit(stream: Logging, outline: Outline) -> None:
     stream.log("world/circuit/line", rr.LineStrips3D([line], radii=0.4, colors=[255, 255, 255]), static=True)
     for side, foot in (("left", outline.wall_left), ("right", outline.wall_right)):
         quads = band(_raised(foot, WALL_HEIGHT_M), foot)
-        for panel, colour in enumerate(WALL_COLOURS):
-            mine = np.arange(len(quads)) // PANEL_ROWS % len(WALL_COLOURS) == panel
+        for panel, colour in enumerate(WALLS[side]):
+            mine = np.arange(len(quads)) // PANEL_ROWS % len(WALLS[side]) == panel
             stream.log(f"world/circuit/wall_{side}/{panel}", _mesh(quads[mine], colour), static=True)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.circuit_mesh import KERB, LANE_M, ROAD, RUNOFF
+from nathlon.arena.circuit_mesh import KERB, LANE_M, ROAD, RUNOFF, WALLS
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import NOTICES, NamedStretch, Outline, RaceLog, lap_length, origin, progress
 from nathlon.reports.cars import car_colours, labels
@@ -136,6 +136,7 @@ def circuit_data(outline: Outline, sections: Sequence[NamedStretch]) -> dict[str
         "surfaces": [_css(RUNOFF.get(name, ROAD)) for name in SURFACES],
         "road": _css(ROAD),
         "kerb": [_css(colour) for colour in KERB],
+        "walls": {side: [_css(colour) for colour in panels] for side, panels in WALLS.items()},
         "sections": [
             {"name": section.name, "start": section.start_m, "end": section.end_m} for section in sections
         ],

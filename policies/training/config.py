@@ -29,6 +29,7 @@ from nathlon.sim.scenario import Delay, Rate
 Count = Annotated[int, Field(ge=1, le=10**12)]
 Deviation = Annotated[float, Field(gt=0, le=1)]
 Cars = Annotated[int, Field(ge=1, le=20)]
+Patience = Annotated[float, Field(gt=0, le=600)]
 
 CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
@@ -76,6 +77,7 @@ class Rollouts(Section):
         opponents: who drive the others, each car drawn anew at each start; without any, those of the run.
         share: of each minibatch that comes from these races.
         mistakes: share of the starts, once there are any, from shortly before a learner's loss of control.
+        patience_s: of imitation, instead of that of the run.
         demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
             what they do; see nathlon.policies.load.
         perception_delay_s: instead of the scenario's, for all cars or for each place.
@@ -92,6 +94,7 @@ class Rollouts(Section):
     opponents: Opponents = ()
     share: Annotated[float, Field(gt=0, le=1)] | None = None
     mistakes: Annotated[float, Field(ge=0, le=1)] = 0.0
+    patience_s: Annotated[Patience | None, Field(exclude_if=lambda patience: patience is None)] = None
     demonstrators: tuple[str, ...] = ()
     perception_delay_s: Delay | tuple[Delay, ...] | None = None
     racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
@@ -176,7 +179,7 @@ class ImitationSettings(Section):
     rounds: Annotated[int, Field(ge=1, le=10_000)] = 30
     length_s: Annotated[float, Field(gt=0, le=600)] = 25.0
     taught: tuple[Annotated[float, Field(ge=0, le=1)], ...] = (1.0, 0.5, 0.25, 0.1)
-    patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
+    patience_s: Patience | None = None
     rescuer: Annotated[str | None, Field(exclude_if=lambda rescuer: rescuer is None)] = None
     racer: Annotated[str | None, Field(exclude_if=lambda racer: racer is None)] = None
     disturbance: Annotated[float, Field(ge=0, le=1, exclude_if=lambda deviation: not deviation)] = 0.0
@@ -304,12 +307,13 @@ class TrainingConfig(Section):
         return self
 
     @model_validator(mode="after")
-    def _racers_teach(self) -> TrainingConfig:
+    def _lessons_are_of_an_imitation(self) -> TrainingConfig:
         for rollouts in self.rollouts:
-            if rollouts.racer is not None and self.imitation is None:
-                raise ValueError(
-                    f"rollouts {rollouts.scenario}: racer is given, expected an imitation beside it"
-                )
+            for name in ("racer", "patience_s"):
+                if getattr(rollouts, name) is not None and self.imitation is None:
+                    raise ValueError(
+                        f"rollouts {rollouts.scenario}: {name} is given, expected an imitation beside it"
+                    )
         return self
 
     @model_validator(mode="after")

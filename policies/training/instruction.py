@@ -141,7 +141,9 @@ def instruct(
     assert config.imitation is not None, "it imitates"
     rng, rollouts, pair = np.random.default_rng(planned.seed), planned.rollouts, planned.pair
     scenario = scenario_of(rollouts, pair)
-    episodes = Episodes(pair.circuit, pair.car, scenario, rollouts.races, stuck_s=STUCK_S)
+    patience_s = rollouts.patience_s or config.imitation.patience_s
+    stuck_s = max(STUCK_S, patience_s or 0.0)
+    episodes = Episodes(pair.circuit, pair.car, scenario, rollouts.races, stuck_s=stuck_s)
     learners = learners_of(rollouts, scenario.cars)
     opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
     population = Population(opponents, pair)
@@ -157,8 +159,8 @@ def instruct(
     lesson = _Lesson(env, teachers, policy, planned.taught, disturbance, learners, rollouts.mistakes, rng)
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()
-        if config.imitation.patience_s is not None:
-            lesson.begin_anew(config.imitation.patience_s)
+        if patience_s is not None:
+            lesson.begin_anew(patience_s)
     return Notes(note(lesson.drive), lesson.speed)
 
 

@@ -85,7 +85,9 @@ RUNOFF: dict[str, Shades] = {
 }
 KERB: Shades = ((208, 44, 46), (240, 240, 236))
 PAINT, ZONE_PAINT, START = (235, 235, 230), (244, 180, 50), (250, 250, 250)
-WALL: Shades = ((214, 217, 222), (180, 184, 192))
+LEFT_WALL: Shades = ((242, 196, 60), (214, 168, 44))
+RIGHT_WALL: Shades = ((46, 64, 124), (36, 50, 100))
+"""A road looks alike in both directions: sides that differ, in grey too, tell which way it goes."""
 CONCRETE = (120, 118, 114)
 SHADE_ROWS, KERB_ROWS = 6, 2
 """Rows after which they do."""
@@ -204,9 +206,11 @@ def _colours(track: Track) -> NDArray[np.float64]:
     road = np.array(ROAD, np.float64)[shade]
     road[0] = START
     paint = np.where(table[:, ZONE, None] > 0.0, ZONE_PAINT, np.array(PAINT, np.float64))
-    walls = np.array(WALL, np.float64)[shade]
     inward = np.stack([table[:, TANGENT_Y], -table[:, TANGENT_X]], axis=1) @ SUN
-    lit = [walls * (0.86 + 0.16 * side * inward)[:, None] for side in (1.0, -1.0)]
+    lit = [
+        np.array(wall, np.float64)[shade] * (0.86 + 0.16 * side * inward)[:, None]
+        for side, wall in ((1.0, LEFT_WALL), (-1.0, RIGHT_WALL))
+    ]
     return np.stack([land, land, left, right, kerb, kerb, paint, road, *lit], axis=1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -146,13 +147,15 @@ def test_the_driver_remembers_how_far_it_moved_aside_only_among_others(
     assert bool(max(remembered)) is remembers
 
 
+@pytest.mark.parametrize(("of_all", "own"), [(0.25, None), (9.0, 0.25)], ids=["all", "rollouts"])
 def test_whoever_is_out_of_control_for_long_begins_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    of_all: float, own: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
     assert SEEING.imitation is not None
-    settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
-    config = SEEING.model_copy(update={"imitation": settings})
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": of_all})
+    rollouts = SEEING.rollouts[0].model_copy(update={"patience_s": own})
+    config = SEEING.model_copy(update={"imitation": settings, "rollouts": (rollouts,)})
     policy = Imitation(tmp_path, config, seed=1)._pupil.policy
     rows = instruct(config, policy, note_passages, Class(config.rollouts[0], HOME, 1.0, 0.0, seed=3)).rows
     # No passage goes on from one start to the next, and none remembers what was before.
@@ -414,9 +417,10 @@ def test_a_configuration_of_seeing_that_contradicts_itself_is_refused(changed: d
         TrainingConfig.model_validate(SEEING.model_dump() | changed)
 
 
-def test_a_racer_without_imitation_is_refused() -> None:
-    races = [rollouts.model_dump() | {"racer": CHAMPION} for rollouts in TRAFFIC.rollouts]
-    with pytest.raises(ValidationError, match="racer is given, expected an imitation beside it"):
+@pytest.mark.parametrize(("name", "value"), [("racer", CHAMPION), ("patience_s", 6.0)])
+def test_what_belongs_to_lessons_is_refused_without_imitation(name: str, value: Any) -> None:
+    races = [rollouts.model_dump() | {name: value} for rollouts in TRAFFIC.rollouts]
+    with pytest.raises(ValidationError, match=f"{name} is given, expected an imitation beside it"):
         TrainingConfig.model_validate(TRAFFIC.model_dump() | {"imitation": None, "rollouts": races})
 
 

@@ -233,6 +233,18 @@ class TestGeometry:
         colour, grey = (picture(world, CameraSpec(channels=channels)) for channels in (3, 1))
         np.testing.assert_allclose(grey[:, :, 0], colour @ np.array([0.299, 0.587, 0.114]), atol=1.5)
 
+    def test_show_which_way_a_road_goes_in_grey_blurred_and_noisy_too(self) -> None:
+        def halves(heading: float) -> NDArray[np.float64]:
+            """Mean lightness of the left and the right half, where walls are."""
+            world = world_with(stadium(6.0, 20.0), [300.0], heading=heading)
+            shot = picture(world, CameraSpec(channels=1, blur=1, noise=6.0))[24:30]
+            return shot.reshape(6, 2, 32).astype(np.float64).mean(axis=(0, 2))
+
+        along, leftward, back, rightward = map(halves, np.arange(4) * np.pi / 2)
+        assert along[0] - along[1] > 15.0
+        assert back[0] - back[1] < -15.0
+        assert (leftward - rightward > 15.0).all()
+
 
 VISIBLE = {
     "x",

@@ -20,6 +20,7 @@
  * @property {string[]} surfaces colours
  * @property {string} road its colour
  * @property {string[]} kerb its colours
+ * @property {{ left: string[], right: string[] }} walls colours of panels in turn
  * @property {{ name: string, start: number, end: number }[]} sections
  */
 

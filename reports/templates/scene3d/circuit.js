@@ -59,7 +59,7 @@ function layRow(mesh, { circuit, line, ground, spacing }, i, j) {
       strip(kerb, edge, colour, LOOK.plain, [KERB_M, 0.005]);
       mesh.quad(at(kerb, i), at(kerb, j), at(kerb, j, KERB_M), at(kerb, i, KERB_M), colour.map((part) => part * 0.7), LOOK.plain, UP);
     }
-    barrier(mesh, at, wall, edge, i, j, spacing);
+    barrier(mesh, at, wall, edge, i, j, spacing, circuit.walls[side].map(rgb));
     const out = (k) => {
       const away = toward(at(wall, k), at(edge, k), -OUTSIDE_M);
       return [away[0], away[1], line[wall].z[k] - FALL_M];
@@ -79,16 +79,16 @@ function layRow(mesh, { circuit, line, ground, spacing }, i, j) {
   }
 }
 
-// A wall with a cap, and boards on it that change colour along the lap.
-function barrier(mesh, at, wall, edge, i, j, spacing) {
+// A wall with a cap in the colour of its side, panels in two shades of it in turn, and boards along parts of the lap.
+function barrier(mesh, at, wall, edge, i, j, spacing, shades) {
   const advert = Math.floor((i * spacing) / ADVERT_M);
   const boards = Math.floor(advert / 14) % 2 === 0;
-  const face = boards ? ADVERTS[(advert * 7 + 3) % ADVERTS.length] : [172, 176, 182];
+  const face = boards ? ADVERTS[(advert * 7 + 3) % ADVERTS.length] : shades[advert % shades.length];
   const [foot, road] = [at(wall, i), at(edge, i)];
   const inwards = unit([road[0] - foot[0], road[1] - foot[1], 0.6 * Math.hypot(road[0] - foot[0], road[1] - foot[1])]);
   mesh.quad(foot, at(wall, j), at(wall, j, WALL_M), at(wall, i, WALL_M), face, LOOK.plain, inwards);
   const [a, b] = [at(wall, i, WALL_M), at(wall, j, WALL_M)];
-  mesh.quad(a, b, toward(b, at(edge, j, WALL_M), -0.35), toward(a, at(edge, i, WALL_M), -0.35), [206, 208, 210], LOOK.plain, UP);
+  mesh.quad(a, b, toward(b, at(edge, j, WALL_M), -0.35), toward(a, at(edge, i, WALL_M), -0.35), shades[0], LOOK.plain, UP);
 }
 
 // The land below all else, as far as one sees.
