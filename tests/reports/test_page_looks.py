@@ -16,7 +16,7 @@ from playwright.sync_api import Browser
 from nathlon.arena.results import SKILLS
 from nathlon.results.selection import Selection
 from nathlon.results.standing import ActionTime
-from nathlon.selection.battery import ON_REQUEST
+from nathlon.selection.battery import DECATHLON, ON_REQUEST
 from nathlon.selection.battery.skill import SKILLS_FOLDER
 from tests.support.opened_page import Opened, full_night, key, views
 
@@ -135,7 +135,7 @@ def test_widest_tables_fit_a_window(browser: Browser, tmp_path: Path, full: Sele
     opened = Opened(
         browser, with_shipped_tests(full), tmp_path, "#/n-athlon", viewport={"width": 1280, "height": 900}
     )
-    assert len(opened.page.evaluate(f"{HEADS}.map(e => e.textContent)")) == 14
+    assert len(opened.page.evaluate(f"{HEADS}.map(e => e.textContent)")) == len(DECATHLON)
     assert opened.page.evaluate(HIDDEN) == 0
     boxes = opened.page.evaluate(f"{HEADS}.map(e => e.getBoundingClientRect()).map(e => [e.left, e.right])")
     assert all(right <= left for (_, right), (left, _) in itertools.pairwise(boxes))
