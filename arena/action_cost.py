@@ -25,7 +25,7 @@ from nathlon.arena.processor import processor
 from nathlon.arena.watch import Watch
 from nathlon.arena.world import World
 from nathlon.arena.world_registry import load_world
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plans
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Policy, has_reverse
 from nathlon.policies.sources import MPPI, PLUGIN, ROLES, is_path
@@ -157,7 +157,7 @@ def _drive(here: World, source: str, circuit: str, car: str, stopwatch: _Stopwat
     world.reset(0, scenario.place(track, np.random.default_rng(SEED)))
     only = np.zeros(1, np.int64)
     policy: Policy = here.policy(source)
-    show_plan(world, policy.observation_spec)
+    show_plans(world, policy)
     world.state["has_reverse"] = has_reverse(policy)
     perception = Perception(policy.observation_spec, only, only, scenario.reaction)
     memory: Any = None

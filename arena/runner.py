@@ -19,7 +19,7 @@ from nathlon.arena.pit_walls import Advised, PitWalls, strategist_of
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plans
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.strategy import NO_STOPS, usual_strategist
 from nathlon.sim.car import load_car
@@ -217,7 +217,7 @@ class _Meeting:
         for match, policies in line_ups.values():
             check_sight(match, policies)
         everybody = [one for _, policies in line_ups.values() for one in policies]
-        show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
+        show_plans(self.world, *(one for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
         if begin is not None:
             for team in self._teams:

@@ -46,7 +46,6 @@ from nathlon.policies.policy import Policy, takes_pace
 from nathlon.policies.strategy import PACE
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
-from nathlon.sim.observation import PLANNED, ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import ZONE, Track, load_track
@@ -101,7 +100,7 @@ def driven(
     """Races of a scenario, the first car of each with a penalty, until nobody drives any more."""
     told, track = load_scenario(scenario), load_track(circuit)
     world = told.world(track, load_car(car), len(seeds))
-    show_plan(world, ObservationSpec(version=PLANNED))
+    show_plan(world)
     for race, seed in enumerate(seeds):
         world.reset(race, told.place(track, np.random.default_rng(seed)))
     world.state["penalty_s"][:, 0] = penalty_s

@@ -6,6 +6,7 @@ The file is read as `nathlon.policies.weights` tells, the card stands there unde
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -62,6 +63,8 @@ class Card(WeightsCard):
         algorithm: what trained it.
         hidden: units of each hidden layer.
         encoder: units of each layer that what does not change in a race goes through first; empty for none.
+        practises: whether it practises a circuit with a car before it races there, and sees the plan so found
+            in full; else it sees the driver's plan, if any.
         vision: what stands before these layers where the policy sees by a camera; else None.
         observation: layout of the observations that it was trained on.
         circuit, car: names of what it was trained on, or ANY.
@@ -76,6 +79,7 @@ class Card(WeightsCard):
     algorithm: Text
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
     encoder: Annotated[tuple[Width, ...], Field(max_length=4)] = ()
+    practises: Annotated[bool, Field(exclude_if=lambda practises: not practises)] = False
     vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     observation: Observation
     circuit: Text
@@ -108,6 +112,12 @@ class Card(WeightsCard):
     def _has_what_to_encode(self) -> Card:
         if self.encoder and not self.observation.facts:
             raise ValueError("encoder is given, but the observation has nothing that is the same all race")
+        return self
+
+    @model_validator(mode="after")
+    def _has_what_to_practise(self) -> Card:
+        if self.practises and not self.observation.planned:
+            raise ValueError("practises is given, expected observations with a plan beside it")
         return self
 
     @model_validator(mode="after")
@@ -186,6 +196,8 @@ class NetworkPolicy:
         self.card = card
         self.id = identity
         self.observation_spec = card.observation
+        if card.practises:
+            self.observation_spec = replace(card.observation, plan_pace=1.0, practised_by=identity)
         self.network = encoded(card, tensors, mean_network(tensors, ACTION_SIZE))
 
     def initial_memory(self, n: int) -> Batch:

@@ -63,7 +63,7 @@ class CudaWorld:
             raise ValueError("cars are of several models or are shown blue flags, expected neither")
         self._world = world
         self._parameters = _to_device(world.parameters)
-        plan = world.plans[0].table if world.plans else UNPLANNED
+        plan = world.plans[""][0].table if world.plans else UNPLANNED
         self._view = _to_device(view_parameters(world.parameters, plan))
         self._races = _to_device(world.arrays())
 

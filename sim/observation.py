@@ -156,6 +156,8 @@ class ObservationSpec:
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
         version: of the layout: one of NUMBERED, with a camera SEEING.
         plan_pace: share of the plan's speeds that is shown, where there is a plan.
+        practised_by: id of the policy that has practised the plan; empty where it is the built-in driver's.
+            Of a policy that drives, and in no card.
         walls: whether the room up to the walls is seen beside a plan.
         camera: by which the car sees; None for numbers alone.
     """
@@ -166,6 +168,7 @@ class ObservationSpec:
     cars_behind: int = 4
     version: int = VERSION
     plan_pace: float = PLAN_PACE
+    practised_by: str = ""
     walls: bool = False
     camera: CameraSpec | None = None
 
@@ -282,6 +285,7 @@ class ObservationSpec:
     def to_dict(self) -> dict[str, Any]:
         """The spec as plain JSON values; the camera only if there is one, and the pace only of a plan."""
         told = asdict(self)
+        del told["practised_by"]
         if self.camera is None:
             del told["camera"]
         if not self.planned:
@@ -297,7 +301,7 @@ class ObservationSpec:
         Raises:
             InputError: naming the field that is unknown or out of range.
         """
-        unknown = set(data) - set(cls.__dataclass_fields__)
+        unknown = set(data) - set(cls.__dataclass_fields__) | {"practised_by"} & set(data)
         if unknown:
             raise InputError(f"observation spec: unknown field {sorted(unknown)[0]!r}")
         for name, value in data.items():

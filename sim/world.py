@@ -59,7 +59,7 @@ class World:
         track, conditions, rules: as given.
         models: the cars that are driven; the state says which one each is.
         car: the first of them.
-        plans: of a lap with each of them, for those who see one; none until they are shown.
+        plans: of a lap with each of them, by who has practised it; see `show`. None until they are shown.
         parameters: the kernels' view of cars, circuit, conditions and rules.
     """
 
@@ -107,20 +107,24 @@ class World:
         self._touched = np.full((races, cars, cars), -np.inf)
         self._races = Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
         self._flags = None if rules is None else blue_flag_parameters(rules)
-        self.plans: tuple[Plan, ...] = ()
-        self._views = self._see()
+        self.plans: dict[str, tuple[Plan, ...]] = {}
+        self._views = {"": self._see([UNPLANNED] * len(self.models))}
         self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
         self._photographers: dict[ObservationSpec, Photographer] = {}
 
-    def show(self, *plans: Plan) -> None:
-        """Have observations that see a plan see these, one for each model."""
-        self.plans = plans
-        self._views = self._see()
+    def show(self, *plans: Plan, practised_by: str = "") -> None:
+        """Have observations that see a plan see these.
 
-    def _see(self) -> list[ViewParameters]:
-        """What observations from each model need."""
-        tables = [plan.table for plan in self.plans] or [UNPLANNED] * len(self.models)
+        Args:
+            plans: one for each model.
+            practised_by: what the specs say of those who see them.
+        """
+        self.plans[practised_by] = plans
+        self._views[practised_by] = self._see([plan.table for plan in plans])
+
+    def _see(self, tables: Sequence[NDArray[np.float64]]) -> list[ViewParameters]:
+        """What observations from each model need, which see these plans."""
         return [
             view_parameters(self.parameters._replace(car=model), table)
             for model, table in zip(self._of_models, tables, strict=True)
@@ -317,7 +321,7 @@ class World:
             (n, spec.size) float32, or with a camera (n,) records; see `ObservationSpec.blank`.
 
         Raises:
-            InputError: if a plan is seen and none has been shown to this world.
+            InputError: if a plan is seen that has not been shown to this world.
             ValueError: if a camera is to see cars of several models.
         """
         if spec.camera is not None:
@@ -326,15 +330,15 @@ class World:
             if spec not in self._photographers:
                 self._photographers[spec] = Photographer(spec, self.track, self.car, self.state.shape[1])
             return self._photographers[spec].observe(self.state, self.ticks, races, cars, self._threads)
-        if spec.planned and not self.plans:
+        if spec.planned and spec.practised_by not in self.plans:
             raise InputError(
-                f"observation version {spec.version} sees a driver's plan, "
-                "expected a world that has been shown one"
+                f"observation version {spec.version} sees a plan, expected a world that has been shown one"
             )
+        views = self._views[spec.practised_by]
         if len(self.models) == 1:
-            return self._observed(spec, races, cars, self._views[0])
+            return self._observed(spec, races, cars, views[0])
         out = np.empty((len(races), spec.size), np.float32)
-        for model, view in enumerate(self._views):
+        for model, view in enumerate(views):
             rows = np.flatnonzero(self.state["model"][races, cars] == model)
             out[rows] = self._observed(spec, races[rows], cars[rows], view)
         return out

@@ -209,7 +209,8 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
     else:
         left, right = room(track)
         offset = np.clip(lane_m, -right, left)
-    return np.stack([offset, practise(track, car, offset, limits, partial(Follower, track, car, 1.0))])
+    follower = lambda _, line: Follower(track, car, 1.0, line)  # noqa: E731
+    return np.stack([offset, practise(track, car, offset, limits, follower)])
 
 
 @lru_cache

@@ -1,4 +1,4 @@
-"""Practice: the driver drives a line alone, and asks less grip of the places where that goes wrong.
+"""Practice: a driver drives a line alone, and asks less grip of the places where that goes wrong.
 
 The envelope is that of steady motion. What turning in, kerbs and crests take from it differs from place
 to place: one share of the grip for the whole lap is too little in one bend and too much in another.
@@ -44,6 +44,8 @@ LEAST_GRIP = 0.65
 ROUNDS = 30
 CLEAN_ROUNDS = 5
 """In a row, each from other places, before the practice ends."""
+Hiring = Callable[[World, Profile], Policy]
+"""Gives the policy that follows a profile in a world, and shows the world what that one must see."""
 
 
 def _starts(track: Track, line: Profile, rng: np.random.Generator) -> list[Start]:
@@ -59,12 +61,13 @@ def _starts(track: Track, line: Profile, rng: np.random.Generator) -> list[Start
 
 
 def _trouble(
-    track: Track, car: Car, line: Profile, driver: Policy, rng: np.random.Generator
+    track: Track, car: Car, line: Profile, hired: Hiring, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
     """Rows at which a car slid, or left the line or the course, (rows,)."""
     world = World(track, car, CARS, 1)
     for race, start in enumerate(_starts(track, line, rng)):
         world.reset(race, start)
+    driver = hired(world, line)
     memory, races, firsts = driver.initial_memory(CARS), np.arange(CARS), np.zeros(CARS, np.int64)
     cars = world.state[:, 0]
     peak = car.tyre.peak_slip_angle_rad[1]
@@ -97,7 +100,13 @@ def _eased(grip: Line, line: Profile, trouble: NDArray[np.bool_]) -> Line:
 
 
 def practise(
-    track: Track, car: Car, offset: Line, limits: Envelope, driver: Callable[[Profile], Policy]
+    track: Track,
+    car: Car,
+    offset: Line,
+    limits: Envelope,
+    hired: Hiring,
+    first_grip: float = 1.0,
+    rounds: int = ROUNDS,
 ) -> Line:
     """The share of the grip to use at each row of the track table, (rows,).
 
@@ -106,13 +115,15 @@ def practise(
         car: the car.
         offset: (rows,) of the line, m.
         limits: of the car.
-        driver: makes the policy that follows a profile.
+        hired: who drives.
+        first_grip: share of it to begin with.
+        rounds: of practice, at most.
     """
     rng = np.random.default_rng(0)
-    grip, clean = np.ones(len(offset)), 0
-    for _ in range(ROUNDS):
+    grip, clean = np.full(len(offset), first_grip), 0
+    for _ in range(rounds):
         line = profile(track, offset, limits, grip)
-        trouble = _trouble(track, car, line, driver(line), rng)
+        trouble = _trouble(track, car, line, hired, rng)
         clean = 0 if trouble.any() else clean + 1
         if clean == CLEAN_ROUNDS:
             break

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plan, show_plans
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Batch, Policy, has_reverse, trained_with_reverse
 from nathlon.sim.episode import Episodes, Moment, View
@@ -85,7 +85,8 @@ class OpponentWrapper:
                 f"of scenario {episodes.scenario.name!r}"
             )
         self.races, self.cars = _seats(np.arange(races), np.sort(places))
-        show_plan(episodes.world, observation)
+        if observation.planned:
+            show_plan(episodes.world)
         self._view = episodes.watch(observation, self.races, self.cars)
         self._reverse = trained_with_reverse(observation)
         self._other_races, self._other_cars = _seats(np.arange(races), others)
@@ -100,7 +101,7 @@ class OpponentWrapper:
     def _engage(self, policy: Policy) -> SeatedOpponent:
         spec = policy.observation_spec
         if spec not in self._views:
-            show_plan(self.episodes.world, spec)
+            show_plans(self.episodes.world, policy)
             self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
         return SeatedOpponent(
             policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars

@@ -109,7 +109,8 @@ class Foresight:
 
         def model(races: int) -> World:
             copies = World(world.track, world.models, races, 1 + self._rivals, world.conditions, world.rules)
-            copies.show(*world.plans)
+            for practised_by, plans in world.plans.items():
+                copies.show(*plans, practised_by=practised_by)
             return copies
 
         self._model, self._outlook = model(cars * copies), Outlook(model(cars), prior)

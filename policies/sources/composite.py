@@ -296,12 +296,17 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         specs: of each.
 
     Raises:
-        InputError: if two of them see different courses of more than one point or different layouts, or one
-            sees by a camera.
+        InputError: if two of them see different courses of more than one point, different layouts or
+            different plans, or one sees by a camera.
     """
     for source, spec in zip(sources, specs, strict=True):
         if spec.camera is not None:
             raise InputError(f"{source} sees by a camera, expected parts that are told numbers")
+        if spec.practised_by != specs[0].practised_by:
+            raise InputError(
+                f"{source} and {sources[0]} see plans that different policies have practised, "
+                "expected parts that see the same"
+            )
     # Whoever sees a plan sees all that is seen of any car.
     layout = max(specs, key=lambda spec: spec.version)
     for source, spec in zip(sources, specs, strict=True):
@@ -331,6 +336,7 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         cars_behind=max(spec.cars_behind for spec in specs),
         version=layout.version,
         plan_pace=layout.plan_pace,
+        practised_by=layout.practised_by,
         walls=any(spec.walls for spec in specs),
     )
 

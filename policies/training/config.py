@@ -244,6 +244,8 @@ class TrainingConfig(Section):
             which is exactly reproducible. Polishing and imitation share their trials among them.
         refresh_every: updates between the policies that the rollouts are given.
         tables: one replay table for each of the rollouts, or one for all.
+        practises: whether its checkpoints practise a circuit before they race there; in training they see the
+            driver's plan.
         vision: of a policy that sees by a camera; its critics see the numbers that it does not.
         imitation: if given, the policy learns from a teacher instead of rewards.
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
@@ -265,6 +267,7 @@ class TrainingConfig(Section):
     coached: tuple[CoachedStart, ...] = ()
     rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
     observation: ObservationSettings = ObservationSettings()
+    practises: Annotated[bool, Field(exclude_if=lambda practises: not practises)] = False
     vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()
@@ -304,6 +307,12 @@ class TrainingConfig(Section):
             # Pictures would have to be turned round as well.
             raise ValueError("imitation.mirrored is given, expected none beside a vision")
         self.vision.shapes(camera, 0)  # raises where nothing is left of the pictures
+        return self
+
+    @model_validator(mode="after")
+    def _has_what_to_practise(self) -> TrainingConfig:
+        if self.practises and not self.observation.critic_spec().planned:
+            raise ValueError("practises is given, expected observation.version 4 beside it")
         return self
 
     @model_validator(mode="after")

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plans
 from nathlon.policies.environments.opponents import SeatedOpponent
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes
@@ -32,7 +32,7 @@ class Demonstrators:
         self._races = races
         turns = np.arange(len(races)) % max(len(policies), 1)
         self._seats = [np.flatnonzero(turns == turn) for turn in range(len(policies))]
-        show_plan(episodes.world, *(policy.observation_spec for policy in policies))
+        show_plans(episodes.world, *policies)
         self._drivers = [
             SeatedOpponent(policy, view, episodes.world, races[seats], cars[seats])
             for policy, seats in zip(policies, self._seats, strict=True)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plans
 from nathlon.policies.policy import Policy, trained_with_reverse
 from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
@@ -42,7 +42,7 @@ def evaluate_laps(pair: Pair, policy: Policy, seed: int) -> LapEvaluation:
     spec, memory = policy.observation_spec, policy.initial_memory(RUNS)
     scenario, track = pair.conditions(load_scenario(SCENARIO)), load_track(pair.circuit)
     world = scenario.world(track, load_car(pair.car), RUNS)
-    show_plan(world, spec)
+    show_plans(world, policy)
     world.state["has_reverse"] = trained_with_reverse(spec)
     rng = np.random.default_rng(seed)
     for race in range(RUNS):

@@ -56,6 +56,7 @@ class Imitation:
             algorithm="DAgger",
             hidden=config.qrsac.hidden,
             encoder=config.qrsac.encoder,
+            practises=config.practises,
             vision=config.vision,
             observation=config.observation.spec(),
             circuit=config.circuit,

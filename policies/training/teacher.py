@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
-from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.driver.shown_plan import show_plans
 from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Batch, Observations
@@ -66,7 +66,7 @@ class Teacher:
         """
         self._policy = load_guest(pair.wise(policy), pair.circuit, pair.car)
         self._world, self._races, self._cars = env.episodes.world, env.races, env.cars
-        show_plan(self._world, self._policy.observation_spec)
+        show_plans(self._world, self._policy)
         self._memory = self._policy.initial_memory(len(self._cars))
 
     @property

@@ -309,6 +309,7 @@ class Trainer:
             algorithm="QR-SAC" if config.qrsac.distributional else "SAC",
             hidden=config.qrsac.hidden,
             encoder=config.qrsac.encoder,
+            practises=config.practises,
             vision=config.vision,
             observation=config.observation.spec(),
             circuit=config.circuit,

@@ -188,6 +188,7 @@ def test_a_truncated_file_is_refused(path: Path) -> None:
         ({"scenarios": ["grid"] * 1001}, "field scenarios"),
         ('{"step": 1, "step": 2}', "the card is not valid JSON \\(key 'step' stands twice in an object"),
         ("[" * 60_000, "the card is not valid JSON \\(nested too deeply"),
+        ({"practises": True}, "practises is given, expected observations with a plan beside it"),
         ({"hidden": []}, "field hidden"),
         ({"hidden": [6, 0]}, r"field hidden\.1"),
         ({"hidden": [6] * 9}, "field hidden"),

@@ -189,7 +189,7 @@ def test_policies_with_different_courses_cannot_be_joined() -> None:
 
 def test_a_layout_for_any_car_stays_one_and_goes_with_no_other() -> None:
     any_car, planned = (ObservationSpec(version=version, cars_ahead=1) for version in (ANY_CAR, PLANNED))
-    for specs in ([any_car], [planned], [any_car, planned]):
+    for specs in ([any_car], [planned], [any_car, planned], [replace(planned, practised_by="a")]):
         joint = joint_spec(["a", "b"][: len(specs)], specs)
         assert joint == specs[-1]
         for spec in specs:
@@ -197,6 +197,7 @@ def test_a_layout_for_any_car_stays_one_and_goes_with_no_other() -> None:
     slower = replace(planned, plan_pace=0.9)
     for specs, said in (
         ([ObservationSpec(), any_car], "^a sees version 2 of the observations, b version 3 of the obs"),
+        ([planned, replace(planned, practised_by="b")], "^b and a see plans that different policies have pr"),
         ([planned, slower], "^b sees version 4 .* with a plan at pace 0.9, a version 4 .* at pace 0.97"),
     ):
         with pytest.raises(InputError, match=said):

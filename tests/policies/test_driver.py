@@ -365,7 +365,7 @@ def test_practice_takes_grip_only_from_places_that_go_wrong() -> None:
     offset = minimum_time(TRACK, limits, 1.0)
 
     def at(pace: float) -> NDArray[np.float64]:
-        def follower(line: Profile) -> Policy:
+        def follower(_: World, line: Profile) -> Policy:
             return Follower(TRACK, GT3, pace, line)
 
         return practise(TRACK, GT3, offset, limits, follower)

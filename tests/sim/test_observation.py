@@ -130,6 +130,7 @@ class TestSpec:
             ({"cars_ahead": -1}, "cars_ahead is -1, expected a whole number from 0"),
             ({"plan_pace": 0.9}, "plan_pace is given, expected version 4 beside it"),
             ({"version": PLANNED, "plan_pace": 2.0}, "plan_pace is 2.0, expected 0.5 to 1.5"),
+            ({"version": PLANNED, "practised_by": "a"}, "unknown field 'practised_by'"),
             ({"walls": True}, "walls are given, expected version 4 beside them"),
             ({"version": PLANNED, "walls": 1}, "walls is 1, expected true or false"),
             ({"version": True}, "version is True, expected a number"),
@@ -379,6 +380,23 @@ class TestPlan:
         np.testing.assert_allclose(stations[:, 3], (target - 20.0) / target, atol=1e-5)
         assert np.count_nonzero(see != before) == len(STATIONS_S) + 1
 
+    def test_who_has_practised_sees_a_plan_of_their_own(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [30.0], speed=20.0)
+        own = replace(self.SPEC, practised_by="a")
+        world.show(plan)
+        before = raw(world, self.SPEC)
+        with pytest.raises(InputError, match="sees a plan, expected a world that has been shown one"):
+            raw(world, own)
+        world.show(round_the_circle(2.0, 45.0)[1], practised_by="a")
+        targets = (
+            raw(world, spec)["plan"][:-ERRORS].reshape(len(STATIONS_S), STATION_SIZE)[:, 3]
+            for spec in (self.SPEC, own)
+        )
+        for target, speed in zip(targets, (36.0, 40.5), strict=True):
+            np.testing.assert_allclose(target, (speed - 20.0) / speed, atol=1e-5)
+        assert all(np.array_equal(raw(world, self.SPEC)[name], before[name]) for name in before)
+
     def test_all_else_is_that_of_the_layout_without_a_plan(self) -> None:
         track, plan = round_the_circle(2.0, 40.0)
         world = world_with(track, [30.0, 40.0], speed=20.0)
@@ -420,5 +438,5 @@ class TestPlan:
 
     def test_without_a_plan_it_is_said(self) -> None:
         world = world_with(circle(100.0), [30.0])
-        with pytest.raises(InputError, match="observation version 4 sees a driver's plan, expected a world"):
+        with pytest.raises(InputError, match="observation version 4 sees a plan, expected a world"):
             world.observe(self.SPEC, np.array([0]), np.array([0]))
