@@ -48,6 +48,7 @@ from nathlon.sim.work_stealing import Tally, finish, take
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
+WORN_MARGIN = 0.02  # of a practised plan's speeds, on tyres that are worn out: they were practised on new ones
 Numbers = tuple[np.floating, np.floating, np.floating, np.floating]
 OWN = ObservationSpec(course_points=0, cars_ahead=0, cars_behind=0)
 """What the car sees of itself, with which every vector begins."""
@@ -86,6 +87,7 @@ class LayoutParameters(NamedTuple):
         facts: how many numbers of the car there are, at the end.
         stations: (stations,) float64, s of travel to where the plan is seen; none where it is not.
         plan_pace: share of the plan's speeds that is shown.
+        worn: share of them that is not, on a tyre that is worn out.
         walls: how many numbers of the room up to the walls there are.
     """
 
@@ -97,6 +99,7 @@ class LayoutParameters(NamedTuple):
     facts: int
     stations: NDArray[np.float64]
     plan_pace: float
+    worn: float
     walls: int
 
 
@@ -113,6 +116,7 @@ def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
         spec.facts,
         np.array(STATIONS_S if spec.planned else (), np.float64),
         float(spec.plan_pace),
+        WORN_MARGIN if spec.practised_by else 0.0,
         WALLS.size if spec.walls else 0,
     )
 
@@ -328,6 +332,8 @@ def observe_plan(car: CarRecord, values: np.ndarray, layout: LayoutParameters, p
     gap = max(velocity, SLOWEST) / p.course.spacing
     here = car.row + car.along / p.course.spacing
     sideslip = math.atan2(car.velocity_y, max(velocity, 1.0))
+    wear = max(max(car.wear[0], car.wear[1]), max(car.wear[2], car.wear[3]))
+    pace = layout.plan_pace * car.pace * (1.0 - layout.worn * wear)
     for station in range(len(layout.stations)):
         at = here + layout.stations[station] * gap
         at -= rows * math.floor(at / rows)
@@ -339,7 +345,7 @@ def observe_plan(car: CarRecord, values: np.ndarray, layout: LayoutParameters, p
         offset = on_plan(plan, low, share, OFFSET) - car.lateral
         heading = on_plan(plan, low, share, DIRECTION) - car.yaw
         heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
-        target = layout.plan_pace * car.pace * on_plan(plan, low, share, SPEED)
+        target = pace * on_plan(plan, low, share, SPEED)
         faster = (target - velocity) / max(target, velocity, SLOWEST)
         curvature = on_plan(plan, low, share, CURVATURE)
         k = STATION_SIZE * station

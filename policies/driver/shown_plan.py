@@ -35,7 +35,7 @@ from nathlon.sim.plan import (
 from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track
 from nathlon.sim.world import World
 
-FIRST_GRIP, ROUNDS = 1.1, 45
+FIRST_GRIP, ROUNDS = 1.1, 100
 """Share of the grip in steady motion with which a policy's practice begins: it may hold more than the driver
 does. And how long it lasts, at most."""
 

@@ -397,6 +397,17 @@ class TestPlan:
             np.testing.assert_allclose(target, (speed - 20.0) / speed, atol=1e-5)
         assert all(np.array_equal(raw(world, self.SPEC)[name], before[name]) for name in before)
 
+    def test_worn_tyres_take_speed_from_a_practised_plan_alone(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [30.0], speed=20.0)
+        own = replace(self.SPEC, practised_by="a")
+        world.show(plan)
+        world.show(plan, practised_by="a")
+        world.state["wear"][:, :, 1] = 0.5  # of the tyre that is worn most
+        for spec, target in ((self.SPEC, 36.0), (own, 36.0 * 0.99)):
+            stations = raw(world, spec)["plan"][:-ERRORS].reshape(len(STATIONS_S), STATION_SIZE)
+            np.testing.assert_allclose(stations[:, 3], (target - 20.0) / target, atol=1e-5)
+
     def test_all_else_is_that_of_the_layout_without_a_plan(self) -> None:
         track, plan = round_the_circle(2.0, 40.0)
         world = world_with(track, [30.0, 40.0], speed=20.0)
