@@ -6,7 +6,6 @@ The file is read as `nathlon.policies.weights` tells, the card stands there unde
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -54,6 +53,8 @@ Observation = Annotated[
     ObservationSpec, PlainValidator(_observation_spec), PlainSerializer(ObservationSpec.to_dict)
 ]
 
+Practises = Annotated[bool, Field(exclude_if=lambda practises: not practises)]
+
 
 class Card(WeightsCard):
     """What a checkpoint is and where it comes from.
@@ -79,7 +80,7 @@ class Card(WeightsCard):
     algorithm: Text
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
     encoder: Annotated[tuple[Width, ...], Field(max_length=4)] = ()
-    practises: Annotated[bool, Field(exclude_if=lambda practises: not practises)] = False
+    practises: Practises = False
     vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     observation: Observation
     circuit: Text
@@ -195,9 +196,7 @@ class NetworkPolicy:
         """A policy of tensors as described by `card.shapes`; only the means of the last layer are kept."""
         self.card = card
         self.id = identity
-        self.observation_spec = card.observation
-        if card.practises:
-            self.observation_spec = replace(card.observation, plan_pace=1.0, practised_by=identity)
+        self.observation_spec = card.observation.practising(identity) if card.practises else card.observation
         self.network = encoded(card, tensors, mean_network(tensors, ACTION_SIZE))
 
     def initial_memory(self, n: int) -> Batch:

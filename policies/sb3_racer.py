@@ -45,7 +45,7 @@ class Sb3Policy:
         self._model = model.network
         mlp, clipped = model.mlp, model.outputs.box == "clip"
         self.network = replace(mlp, output="clip") if mlp and clipped else mlp
-        self.observation_spec = seeing or observation_spec(path, self.card, model.observed.size)
+        self.observation_spec = seeing or observation_spec(path, self.id, self.card, model.observed.size)
 
     @classmethod
     def load(cls, path: Path) -> Sb3Policy:

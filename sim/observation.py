@@ -8,7 +8,7 @@ has no component off that plane. Angles in radians, counter-clockwise positive.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -239,6 +239,10 @@ class ObservationSpec:
     def planned(self) -> bool:
         """Whether a plan is seen."""
         return self.version == PLANNED
+
+    def practising(self, policy_id: str) -> ObservationSpec:
+        """What a policy sees that practises: all of the speeds of a plan of its own."""
+        return replace(self, plan_pace=1.0, practised_by=policy_id)
 
     @property
     def facts(self) -> int:

@@ -48,7 +48,7 @@ from nathlon.sim.work_stealing import Tally, finish, take
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
-WORN_MARGIN = 0.02  # of a practised plan's speeds, on tyres that are worn out: they were practised on new ones
+WORN_MARGIN = 0.02  # of a practised plan's speeds, on tyres that are worn out: practice was on new ones
 Numbers = tuple[np.floating, np.floating, np.floating, np.floating]
 OWN = ObservationSpec(course_points=0, cars_ahead=0, cars_behind=0)
 """What the car sees of itself, with which every vector begins."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
-from nathlon.policies.checkpoint import Observation
+from nathlon.policies.checkpoint import Observation, Practises
 from nathlon.policies.weights import Count, Names, Text, Versions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -26,6 +26,7 @@ class ForeignCard(BaseModel):
     format: Literal[1] = 1
     algorithm: Text | None = None
     observation: Observation | None = None
+    practises: Practises = False
     circuit: Text | None = None
     car: Text | None = None
     scenarios: Names = ()
@@ -36,8 +37,14 @@ class ForeignCard(BaseModel):
     output: Text | None = None
     states: dict[Text, Text] = {}
 
+    @model_validator(mode="after")
+    def _has_what_to_practise(self) -> ForeignCard:
+        if self.practises and not (self.observation and self.observation.planned):
+            raise ValueError("practises is given, expected observations with a plan beside it")
+        return self
 
-def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpec:
+
+def observation_spec(path: Path, policy_id: str, card: ForeignCard, size: int) -> ObservationSpec:
     """The observations of a policy that takes `size` numbers.
 
     A card that does not tell stands for the default with as many course points as fit.
@@ -54,7 +61,7 @@ def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpe
             raise InputError(
                 f"{path}: takes {size} numbers, expected {expected} as its card's observation has"
             )
-        return card.observation
+        return card.observation.practising(policy_id) if card.practises else card.observation
     points = _points(size)
     if points is None:
         raise InputError(

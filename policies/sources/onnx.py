@@ -41,7 +41,7 @@ class OnnxPolicy:
         self.card = card
         self.id = identity
         self._graph = OnnxGraph(session, path, card)
-        self.observation_spec = observation_spec(path, card, self._graph.size)
+        self.observation_spec = observation_spec(path, identity, card, self._graph.size)
         self._graph.probe(self._actions)
 
     @classmethod

@@ -231,16 +231,16 @@ def test_stacked_frames_are_not_taken_for_course_points(tmp_path: Path, frames: 
     with refused(
         f"takes {size} numbers", f"{frames} stacked frames of {points}", "expected a card that says"
     ):
-        observation_spec(tmp_path / "mine.zip", ForeignCard(), size)
+        observation_spec(tmp_path / "mine.zip", "id", ForeignCard(), size)
     more = (size - ObservationSpec(course_points=1).size) // 9 + 1
     card = ForeignCard(observation=ObservationSpec(course_points=more))
-    assert observation_spec(tmp_path / "mine.zip", card, size).course_points == more
+    assert observation_spec(tmp_path / "mine.zip", "id", card, size).course_points == more
 
 
 @pytest.mark.parametrize("points", [1, 2, 10, 20, 30, 40, 50, 60])
 def test_sizes_that_are_no_stack_need_no_card(tmp_path: Path, points: int) -> None:
     size = ObservationSpec(course_points=points).size
-    assert observation_spec(tmp_path / "mine.zip", ForeignCard(), size).course_points == points
+    assert observation_spec(tmp_path / "mine.zip", "id", ForeignCard(), size).course_points == points
 
 
 def test_a_policy_of_stacked_frames_is_refused_where_its_numbers_fit_by_chance(trained: Trained) -> None:

@@ -19,6 +19,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.runner import run_match
 from nathlon.cli import app
+from nathlon.policies.bundled import generalist
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.load import load_policy
 from nathlon.policies.mlp import Mlp
@@ -120,6 +121,15 @@ def test_an_export_carries_the_card_and_its_bytes_depend_on_the_policy_alone(
     assert enter(str(again), "lindenring", "gt3").step == policy.card.step
     with pytest.raises(InputError, match=r"again\.onnx: circuit is 'lindenring', expected 'porto-sereno'"):
         enter(str(again), "porto-sereno", "gt3")
+
+
+def test_who_practises_does_so_when_exported(tmp_path: Path) -> None:
+    policy = load_checkpoint(generalist())
+    export_onnx(policy, tmp_path / "any.onnx")
+    theirs = OnnxPolicy.load(tmp_path / "any.onnx")
+    assert policy.observation_spec.practised_by == policy.id
+    assert theirs.observation_spec == policy.card.observation.practising(theirs.id)
+    assert theirs.observation_spec.plan_pace == 1.0
 
 
 def test_an_export_races_as_its_checkpoint_does(tmp_path: Path) -> None:
