@@ -29,7 +29,7 @@ from nathlon.policies.sources import DRIVER
 from nathlon.sim.observation import NUMBERS, PICTURE
 
 OUT = Path(__file__).parent.parent / "docs" / "images" / "saliency.png"
-CHECKPOINT = BUNDLED / "sight" / "lindenring-sight-long-005k.safetensors"
+CHECKPOINT = BUNDLED / "sight" / "lindenring-sight-crowd-012k.safetensors"
 ALONE, TOGETHER = ("time_trial", 8), ("following", 4)
 """Scenarios, and how many moments are taken of each."""
 COLUMNS, GAP, PIXEL = 4, 6, (4, 3)

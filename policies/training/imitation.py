@@ -83,7 +83,7 @@ class Imitation:
             return NumbersPupil(self._card, batch, self._settings.mirrored, rng)
         pair = Pair(config.circuit, config.car)
         teacher = load_guest(pair.wise(self._settings.teacher), *pair[:2])
-        return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec.size, rng)
+        return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec, rng)
 
     @classmethod
     def start(cls, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Imitation:
