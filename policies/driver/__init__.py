@@ -27,6 +27,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.chassis import AIR_DENSITY
 from nathlon.sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, Track, X, Y, load_track
+from nathlon.sim.world import World
 
 CARE = 0.9
 """Share of the grip found in practice that a driver uses among others and off its line."""
@@ -209,7 +210,10 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
     else:
         left, right = room(track)
         offset = np.clip(lane_m, -right, left)
-    follower = lambda _, line: Follower(track, car, 1.0, line)  # noqa: E731
+
+    def follower(_: World, line: Profile) -> Follower:
+        return Follower(track, car, 1.0, line)
+
     return np.stack([offset, practise(track, car, offset, limits, follower)])
 
 

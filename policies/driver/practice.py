@@ -44,7 +44,7 @@ LEAST_GRIP = 0.65
 ROUNDS = 30
 CLEAN_ROUNDS = 5
 """In a row, each from other places, before the practice ends."""
-Hiring = Callable[[World, Profile], Policy]
+PolicyFor = Callable[[World, Profile], Policy]
 """Gives the policy that follows a profile in a world, and shows the world what that one must see."""
 
 
@@ -61,13 +61,13 @@ def _starts(track: Track, line: Profile, rng: np.random.Generator) -> list[Start
 
 
 def _trouble(
-    track: Track, car: Car, line: Profile, hired: Hiring, rng: np.random.Generator
+    track: Track, car: Car, line: Profile, policy_for: PolicyFor, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
     """Rows at which a car slid, or left the line or the course, (rows,)."""
     world = World(track, car, CARS, 1)
     for race, start in enumerate(_starts(track, line, rng)):
         world.reset(race, start)
-    driver = hired(world, line)
+    driver = policy_for(world, line)
     memory, races, firsts = driver.initial_memory(CARS), np.arange(CARS), np.zeros(CARS, np.int64)
     cars = world.state[:, 0]
     peak = car.tyre.peak_slip_angle_rad[1]
@@ -104,7 +104,7 @@ def practise(
     car: Car,
     offset: Line,
     limits: Envelope,
-    hired: Hiring,
+    policy_for: PolicyFor,
     first_grip: float = 1.0,
     rounds: int = ROUNDS,
 ) -> Line:
@@ -115,7 +115,7 @@ def practise(
         car: the car.
         offset: (rows,) of the line, m.
         limits: of the car.
-        hired: who drives.
+        policy_for: who drives.
         first_grip: share of it to begin with.
         rounds: of practice, at most.
     """
@@ -123,7 +123,7 @@ def practise(
     grip, clean = np.full(len(offset), first_grip), 0
     for _ in range(rounds):
         line = profile(track, offset, limits, grip)
-        trouble = _trouble(track, car, line, hired, rng)
+        trouble = _trouble(track, car, line, policy_for, rng)
         clean = 0 if trouble.any() else clean + 1
         if clean == CLEAN_ROUNDS:
             break

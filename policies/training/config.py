@@ -15,7 +15,7 @@ from pydantic import (
     model_validator,
 )
 
-from nathlon.policies.checkpoint import ANY
+from nathlon.policies.checkpoint import ANY, Practises
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
@@ -192,6 +192,12 @@ class ImitationSettings(Section):
     telling_cars: Annotated[float, Field(ge=0, le=100, exclude_if=lambda weight: not weight)] = 0.0
 
     @model_validator(mode="after")
+    def _tells_of_cars_beside_the_rest(self) -> ImitationSettings:
+        if self.telling_cars and not self.telling:
+            raise ValueError("telling_cars is given, expected telling above 0 beside it")
+        return self
+
+    @model_validator(mode="after")
     def _learns_from_the_rest(self) -> ImitationSettings:
         if self.recalled >= self.passage:
             raise ValueError(f"recalled is {self.recalled}, expected less than passage, {self.passage}")
@@ -269,7 +275,7 @@ class TrainingConfig(Section):
     coached: tuple[CoachedStart, ...] = ()
     rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
     observation: ObservationSettings = ObservationSettings()
-    practises: Annotated[bool, Field(exclude_if=lambda practises: not practises)] = False
+    practises: Practises = False
     vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()

@@ -72,6 +72,9 @@ class SeeingPupil:
             batch: steps of a minibatch.
             shown: what the teacher sees.
             rng: draws its first tensors.
+
+        Raises:
+            InputError: if it is to tell where cars ahead are, and the teacher sees none.
         """
         assert card.vision is not None, "who sees has a vision"
         self._card, self._settings = card, settings
@@ -80,6 +83,8 @@ class SeeingPupil:
         if settings.telling:
             tensors[f"{TELLING}weight"] = np.zeros((card.widths[0], shown.size), np.float32)
             tensors[f"{TELLING}bias"] = np.zeros(shown.size, np.float32)
+        if settings.telling_cars and not shown.cars_ahead:
+            raise InputError("imitation: telling_cars is given, expected a teacher that sees cars ahead")
         self._ahead = shown.slice("cars_ahead") if settings.telling_cars else None
         self.trained = SeeingActor(card, tensors)
         self.note = note_passages

@@ -421,6 +421,7 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
         ({"imitation": {"mirrored": True}}, "mirrored is given, expected none beside a vision"),
         ({"observation": {"camera": {"width": 8}}}, "width is 8, expected a whole number from 16"),
         ({"imitation": {"passage": 4, "recalled": 4}}, "expected less than passage"),
+        ({"imitation": {"telling": 0.0, "telling_cars": 1.0}}, "expected telling above 0 beside it"),
         ({"vision": {"convolutions": [{"filters": 3, "side": 20, "stride": 4}]}}, "leave nothing of 16 x 24"),
     ],
 )
