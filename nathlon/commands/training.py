@@ -40,7 +40,8 @@ def train(
     engine_address: EngineAddress = "auto",
     resume: Annotated[bool, typer.Option("--resume", help="Continue the run in the folder.")] = False,
     origin: Annotated[
-        Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
+        Path | None,
+        typer.Option("--from", help="Run whose networks this one starts with, or checkpoint whose policy."),
     ] = None,
     coach: Annotated[
         list[Path] | None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain
 
@@ -212,17 +212,20 @@ class QRSAC:
         if self.recurrent is not None:
             own = self.recurrent.tensors(self._state.average)
             return {name: tensor.cpu().numpy().copy() for name, tensor in own.items()}
-        tensors = self._update.policy.tensors(self._state.average)
-        encoded = len(self.config.encoder)
-        layers = [f"encoder.{i}" for i in range(encoded)] + [
-            str(i) for i in range(len(tensors) // 2 - encoded)
-        ]
-        named = zip(layers, tensors[::2], tensors[1::2], strict=True)
+        tensors = zip(self._names, self._update.policy.tensors(self._state.average), strict=True)
         return {
-            name: tensor.cpu().numpy()
-            for layer, weight, bias in named
-            for name, tensor in ((f"{layer}.weight", weight), (f"{layer}.bias", bias[0]))
+            name: (tensor[0] if name.endswith("bias") else tensor).cpu().numpy() for name, tensor in tensors
         }
+
+    @property
+    def _names(self) -> list[str]:
+        """Of the policy's tensors, in their order in its parameters."""
+        if self.recurrent is not None:
+            return list(self.recurrent.shapes)
+        policy = self._update.policy
+        encoded, trunk = len(policy.encoder[1:]), len(policy.widths[1:])
+        layers = [f"encoder.{i}" for i in range(encoded)] + [str(i) for i in range(trunk)]
+        return [f"{layer}.{kind}" for layer in layers for kind in ("weight", "bias")]
 
     def state_dict(self) -> dict[str, Tensor]:
         """Copies of all that an exact resume needs, the generator's state included, as named tensors."""
@@ -259,8 +262,9 @@ class QRSAC:
         )
         self._take(tensors, NETWORKS)
 
-    def load_policy(self, parameters: Tensor) -> None:
-        """Takes the parameters (p,) of the policy; all else stays as it is."""
+    def load_policy(self, tensors: Mapping[str, NDArray[np.float32]]) -> None:
+        """Takes a policy of the same shape, as `policy_tensors` gives it; all else stays as it is."""
+        parameters = torch.cat([torch.from_numpy(tensors[name]).flatten() for name in self._names])
         self._take({"policy": parameters, "average": parameters}, ("policy", "average"))
 
     def _take(self, tensors: dict[str, Tensor], names: Iterable[str]) -> None:

@@ -122,10 +122,6 @@ class RecurrentNetwork:
             name: part.view(shape) for (name, shape), part in zip(self.shapes.items(), parts, strict=True)
         }
 
-    def flat(self, tensors: Mapping[str, NDArray[np.float32]]) -> Tensor:
-        """The parameters (p,) of tensors by name."""
-        return torch.cat([torch.from_numpy(tensors[name]).flatten() for name in self.shapes])
-
     def __call__(
         self,
         parameters: Tensor,

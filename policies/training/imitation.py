@@ -25,9 +25,14 @@ from nathlon.policies.training.instruction import Class, School
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.pairs import CHAMPION, Pair, PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import PolishState, load_state, save_state, write_curve
-from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows
+from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows, fresh
 from nathlon.policies.training.rollout import scenario_of, tells_pace
-from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
+from nathlon.policies.training.run_folder import (
+    CHECKPOINTS,
+    make_run_folder,
+    read_policy,
+    read_run_folder,
+)
 from nathlon.policies.training.seeing_pupil import SeeingPupil
 from nathlon.policies.training.state import STATE_FILE, read_tensors, write_tensors
 from nathlon.sim.errors import InputError
@@ -46,8 +51,8 @@ class Imitation:
         updates, transitions: done so far.
     """
 
-    def __init__(self, folder: Path, config: TrainingConfig, seed: int) -> None:
-        """A run at its beginning; nothing is written yet."""
+    def __init__(self, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> None:
+        """A run at its beginning, maybe with the policy of a checkpoint; nothing is written yet."""
         assert config.imitation is not None, "it imitates"
         self.folder, self.config, self.seed = folder, config, seed
         self._settings: ImitationSettings = config.imitation
@@ -67,7 +72,11 @@ class Imitation:
             seed=seed,
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
         )
-        self._pupil = self._novice(np.random.default_rng(seed))
+        if origin is None:
+            first = fresh(self._card, np.random.default_rng(seed))
+        else:
+            first = read_policy(origin, self._card.shapes)
+        self._pupil = self._new_pupil(first)
         self.updates = self.transitions = self._rounds = 0
         self._weights: NDArray[np.float64] | None = None
         self._curve = np.zeros((0, len(CURVE)))
@@ -76,14 +85,13 @@ class Imitation:
             "seed": str(seed),
         }
 
-    def _novice(self, rng: np.random.Generator) -> Pupil:
-        """A pupil that has learnt nothing."""
+    def _new_pupil(self, tensors: dict[str, NDArray[np.float32]]) -> Pupil:
         config, batch = self.config, self.config.qrsac.batch
         if config.vision is None:
-            return NumbersPupil(self._card, batch, self._settings.mirrored, rng)
+            return NumbersPupil(self._card, batch, self._settings.mirrored, tensors)
         pair = Pair(config.circuit, config.car)
         teacher = load_guest(pair.wise(self._settings.teacher), *pair[:2])
-        return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec, rng)
+        return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec, tensors)
 
     @classmethod
     def start(cls, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Imitation:
@@ -93,14 +101,16 @@ class Imitation:
             folder: of the run.
             config: what it is made of.
             seed: of all randomness.
-            origin: folder of another run of imitation, whose pupil goes on.
+            origin: folder of another run of imitation, whose pupil goes on, or a checkpoint, whose policy
+                does.
 
         Raises:
             InputError: if the folder already holds a run or cannot be made, or the other run has no state or
                 another network.
         """
-        run = cls(folder, config, seed)
-        if origin is not None:
+        checkpoint = origin if origin is not None and origin.is_file() else None
+        run = cls(folder, config, seed, checkpoint)
+        if origin is not None and checkpoint is None:
             state = load_state(origin, {}) if (origin / STATE_FILE).exists() else None
             if state is None:
                 raise InputError(f"{origin}: no run of imitation to start from")

@@ -76,18 +76,20 @@ class NumbersPupil:
         trained, note: as of `Pupil`.
     """
 
-    def __init__(self, card: Card, batch: int, mirrored: bool, rng: np.random.Generator) -> None:
-        """A pupil that has learnt nothing.
+    def __init__(
+        self, card: Card, batch: int, mirrored: bool, tensors: dict[str, NDArray[np.float32]]
+    ) -> None:
+        """A pupil at its beginning.
 
         Args:
             card: of the policy.
             batch: rows of a minibatch.
             mirrored: whether half of them are seen in the mirror.
-            rng: draws its first tensors.
+            tensors: its first ones, of the card's shapes.
         """
         self._card, self._batch = card, batch
         self._mirror = mirror(card.observation) if mirrored else None
-        self._tensors = fresh(card, rng)
+        self._tensors = tensors
         self.trained = Actor(encoded(card, self._tensors, mean_network(self._tensors, ACTION_SIZE)))
         self.note = note_numbers
 

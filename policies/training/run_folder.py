@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt
 
+from nathlon.policies.checkpoint import read_checkpoint
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
@@ -47,3 +51,27 @@ def read_run_folder(folder: Path) -> tuple[TrainingConfig, int]:
         raise InputError(f"{path}: no training run to resume")
     run = read_json(read_text(path, "training run"), _Run, path)
     return run.config, run.seed
+
+
+def newest_checkpoint(folder: Path) -> Path | None:
+    """The newest checkpoint of the run in a folder, if there is any."""
+    return max((folder / CHECKPOINTS).glob("*.safetensors"), default=None)
+
+
+def read_policy(origin: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, NDArray[np.float32]]:
+    """The tensors of the policy that a new run starts with, by name.
+
+    Args:
+        origin: a checkpoint, or the folder of a run, whose newest one is meant.
+        shapes: that they must have, as of a card.
+
+    Raises:
+        InputError: if there is none, or it cannot be read or has another network.
+    """
+    checkpoint = origin if origin.is_file() else newest_checkpoint(origin)
+    if checkpoint is None:
+        raise InputError(f"{origin}: no checkpoint to start with")
+    card, tensors = read_checkpoint(checkpoint)
+    if card.shapes != shapes:
+        raise InputError(f"{checkpoint}: of another network than the configuration describes")
+    return tensors

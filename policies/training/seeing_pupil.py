@@ -15,7 +15,7 @@ from nathlon.policies.checkpoint import Card
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import ImitationSettings
 from nathlon.policies.training.instruction import Taught
-from nathlon.policies.training.pupil import Rows, error, fresh
+from nathlon.policies.training.pupil import Rows, error
 from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import NUMBERS, OPPONENT_SIZE, PICTURE, PRESENT, ObservationSpec
@@ -62,16 +62,16 @@ class SeeingPupil:
         settings: ImitationSettings,
         batch: int,
         shown: ObservationSpec,
-        rng: np.random.Generator,
+        tensors: dict[str, NDArray[np.float32]],
     ) -> None:
-        """A pupil that has learnt nothing.
+        """A pupil at its beginning.
 
         Args:
             card: of the policy.
             settings: lengths of passages, and what the error of what is told weighs.
             batch: steps of a minibatch.
             shown: what the teacher sees.
-            rng: draws its first tensors.
+            tensors: its first ones, of the card's shapes.
 
         Raises:
             InputError: if it is to tell where cars ahead are, and the teacher sees none.
@@ -79,8 +79,8 @@ class SeeingPupil:
         assert card.vision is not None, "who sees has a vision"
         self._card, self._settings = card, settings
         self._passages = max(batch // settings.passage, 1)
-        tensors = fresh(card, rng)
         if settings.telling:
+            tensors = dict(tensors)
             tensors[f"{TELLING}weight"] = np.zeros((card.widths[0], shown.size), np.float32)
             tensors[f"{TELLING}bias"] = np.zeros(shown.size, np.float32)
         if settings.telling_cars and not shown.cars_ahead:

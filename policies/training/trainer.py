@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import torch
 
-from nathlon.policies.checkpoint import Card, open_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.checkpoint import Card, open_checkpoint, save_checkpoint
 from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.qrsac.recurrent import RecurrentNetwork
@@ -25,7 +25,13 @@ from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.log import Status, TrainingLog
 from nathlon.policies.training.pairs import Pair, ready_pairs
-from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
+from nathlon.policies.training.run_folder import (
+    CHECKPOINTS,
+    make_run_folder,
+    newest_checkpoint,
+    read_policy,
+    read_run_folder,
+)
 from nathlon.policies.training.state import (
     REPLAY_FILE,
     STATE_FILE,
@@ -103,7 +109,8 @@ class Trainer:
         """Begin a run in a new folder.
 
         Args:
-            origin: folder of a run whose networks the new one starts with.
+            origin: folder of a run whose networks the new one starts with, or a checkpoint; of one, and of
+                a run of imitation, it takes the policy, with new critics.
             device: where networks are updated.
 
         Raises:
@@ -134,23 +141,13 @@ class Trainer:
         return trainer
 
     def _load_networks(self, origin: Path) -> None:
-        if self.learner.recurrent and read_run_folder(origin)[0].imitation:
-            self._load_taught(origin, self.learner.recurrent)
-            return
         try:
-            self.learner.load_networks(load_state(origin).learner)
+            if origin.is_file() or read_run_folder(origin)[0].imitation:
+                self.learner.load_policy(read_policy(origin, self._card().shapes))
+            else:
+                self.learner.load_networks(load_state(origin).learner)
         except InputError as error:
             raise InputError(f"{origin}: cannot be started from: {error}") from None
-
-    def _load_taught(self, origin: Path, network: RecurrentNetwork) -> None:
-        """Go on with the newest policy of a run of imitation."""
-        checkpoint = max((origin / CHECKPOINTS).glob("*.safetensors"), default=None)
-        if checkpoint is None:
-            raise InputError(f"{origin}: cannot be started from: it has no checkpoint")
-        card, tensors = read_checkpoint(checkpoint)
-        if card.shapes != network.shapes:
-            raise InputError(f"{checkpoint}: cannot be started from: has another network")
-        self.learner.load_policy(network.flat(tensors))
 
     def _load_state(self) -> None:
         state = load_state(self.folder)
@@ -275,7 +272,7 @@ class Trainer:
     def _check_metrics(self) -> None:
         for name, value in self._metrics.items():
             if not math.isfinite(value):
-                good = max((self.folder / CHECKPOINTS).glob("*.safetensors"), default=None)
+                good = newest_checkpoint(self.folder)
                 raise Diverged(
                     f"{self.folder}: training diverged by update {self.updates}, {name} is {float(value)}; "
                     f"the last good checkpoint is {good.name if good else 'none'}"

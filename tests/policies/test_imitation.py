@@ -39,7 +39,7 @@ from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.instruction import Class, Notes, instruct
 from nathlon.policies.training.mistakes import Mistakes
 from nathlon.policies.training.pairs import CHAMPION, Pair
-from nathlon.policies.training.pupil import NumbersPupil, note_numbers
+from nathlon.policies.training.pupil import NumbersPupil, fresh, note_numbers
 from nathlon.policies.training.seeing_pupil import missed_cars, note_passages
 from nathlon.policies.training.teacher import Teacher
 from nathlon.policies.training.trainer import Trainer
@@ -90,7 +90,7 @@ def novice(config: TrainingConfig) -> Policy:
         seed=0,
         created_by={},
     )
-    return NumbersPupil(card, 1, False, np.random.default_rng(1)).policy
+    return NumbersPupil(card, 1, False, fresh(card, np.random.default_rng(1))).policy
 
 
 def taught(config: TrainingConfig, share: float = 0.0) -> Notes:
@@ -408,6 +408,8 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
     resumed = Imitation.resume(tmp_path / "further")
     assert np.array_equal(resumed._pupil.averaged()["0.weight"], after["0.weight"])
     resumed.hold([HOME])
+    alone = Imitation.start(tmp_path / "alone", read_config(path), 2, trained.checkpoints[-1])
+    np.testing.assert_array_equal(alone._pupil.averaged()["0.weight"], before["0.weight"])
     with pytest.raises(InputError, match="imitation: expected none in a training by rewards"):
         Trainer.resume(run)
 

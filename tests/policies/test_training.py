@@ -189,6 +189,32 @@ def test_a_run_cannot_start_from_networks_of_another_shape(tmp_path: Path) -> No
     assert not (tmp_path / "second").exists()
 
 
+@pytest.mark.parametrize("encoder", [(), (4, 2)])
+def test_a_run_may_start_with_the_policy_of_a_checkpoint(tmp_path: Path, encoder: tuple[int, ...]) -> None:
+    """Its critics are new."""
+    qrsac = SMALL.qrsac.model_dump() | {"encoder": encoder}
+    config = changed(observation=SMALL.observation.model_dump() | {"version": 3}, qrsac=qrsac)
+    other, fresh = Trainer(tmp_path, config, 1), Trainer(tmp_path, config, 2).learner.state_dict()
+    path = tmp_path / "policy.safetensors"
+    save_checkpoint(path, other.learner.policy_tensors(), other._card())
+    started = Trainer.start(tmp_path / "run", config, 2, origin=path).learner
+    seen = np.random.default_rng(1).normal(size=(5, config.observation.spec().size)).astype(np.float32)
+    told = started.act(seen, stochastic=False)
+    np.testing.assert_allclose(told, load_checkpoint(path).act(seen, np.zeros((5, 0)))[0], atol=2e-3)
+    assert started.state_dict()["policy"].equal(started.state_dict()["average"])
+    assert not started.state_dict()["policy"].equal(fresh["policy"])
+    assert started.state_dict()["critic"].equal(fresh["critic"])
+
+    with pytest.raises(InputError, match=r"cannot be started from: .*safetensors: of another network"):
+        Trainer.start(tmp_path / "wider", changed(), 2, origin=path)
+    path.write_bytes(b"no checkpoint")
+    with pytest.raises(InputError, match=r"policy.safetensors: not a whole safetensors file"):
+        Trainer.start(tmp_path / "wider", config, 2, origin=path)
+    with pytest.raises(InputError, match=r"none: cannot be started from: .*: no training run"):
+        Trainer.start(tmp_path / "wider", config, 2, origin=tmp_path / "none")
+    assert not (tmp_path / "wider").exists()
+
+
 def changed(**changes: object) -> TrainingConfig:
     return TrainingConfig.model_validate(SMALL.model_dump() | changes)
 
