@@ -35,6 +35,7 @@ from nathlon.sim import simd as lanes
 from nathlon.sim.car import load_car
 from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.kernel import kernel
+from nathlon.sim.observation_parameters import layout_parameters
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.simd import LANES
@@ -159,7 +160,7 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
     for _ in range(WARM_UP):
         races.step(drive(races))
     uncompile()
-    p, layout = number(races.parameters), number(observation_kernel.layout_parameters(SPEC))
+    p, layout = number(races.parameters), number(layout_parameters(SPEC))
     cars: Any = [number(car) for car in races.state[0]]
     notes: Any = [SimpleNamespace() for _ in races.contacts[0]]
     touched = number(np.full((CARS, CARS), -np.inf))

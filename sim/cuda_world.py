@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from nathlon.sim.clock import SUBSTEPS
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car, view_parameters
+from nathlon.sim.observation_kernel import Nearby, observe_car
+from nathlon.sim.observation_parameters import layout_parameters, view_parameters
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import UNPLANNED
 from nathlon.sim.race_step import race_of, step_race

@@ -35,6 +35,7 @@ DECISIVE = (
     "sim/simd.py",
     "sim/observation.py",
     "sim/observation_kernel.py",
+    "sim/observation_parameters.py",
     "sim/parameters.py",
     "sim/plan.py",
     "sim/reaction.py",

@@ -16,22 +16,12 @@ from nathlon.sim.clock import DYNAMICS_DT, DYNAMICS_HZ, SUBSTEPS
 from nathlon.sim.conditions import Conditions, Start
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observation_kernel import (
-    Nearby,
-    ViewParameters,
-    blocks,
-    layout_parameters,
-    observe_cars,
-    view_parameters,
-)
+from nathlon.sim.observation_kernel import Nearby, blocks, observe_cars
+from nathlon.sim.observation_parameters import ViewParameters, layout_parameters, view_parameters
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.chassis import GRAVITY, Rates
-from nathlon.sim.physics.course import (
-    course_parameters,
-)
-from nathlon.sim.physics.pit_lane import (
-    lane_parameters,
-)
+from nathlon.sim.physics.course import course_parameters
+from nathlon.sim.physics.pit_lane import lane_parameters
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import UNPLANNED, Plan
 from nathlon.sim.race_step import CONTACT_GAP_S, locate_all, step_races
