@@ -22,7 +22,9 @@ from nathlon.arena.world_finding import RACING, with_loader
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
+from nathlon.terminal.progress import busy
 
+DOING = "Racing; who does not know the circuit practises there first"
 STINTS = pl.Schema(
     {
         "place": pl.Int64,
@@ -91,6 +93,7 @@ def race(
     seed: int = 1,
     qualify: bool = False,
     record: str | Path | None = None,
+    progress: bool = True,
 ) -> RaceResult:
     """Run one race. The entrants fill the grid in turn; two of them race as teams.
 
@@ -102,13 +105,14 @@ def race(
         seed: of all randomness.
         qualify: order the entrants by a flying lap first.
         record: folder to keep the race in, as `races/race.mcap`.
+        progress: whether to show on standard error for how long it goes on.
 
     Raises:
         InputError: if one cannot drive, a name is unknown, or there are more entrants than places.
     """
     if record is not None:
         check_output(Path(record))
-    with Pool(1) as pool:
+    with Pool(1) as pool, busy(DOING, progress):
         world = RACING if loader is None else with_loader(RACING, loader)
         sources = named_sources(entrants, people=True, endings=endings_of(pool, world))
         pool.here = not need_worker(sources)

@@ -61,6 +61,7 @@ def race(
         seed=seed,
         qualify=qualifying,
         record=out if record else None,
+        progress=not as_json,
     )
     for line in result.printed.splitlines():
         warn(line)

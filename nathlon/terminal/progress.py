@@ -12,6 +12,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    SpinnerColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -43,6 +44,21 @@ def progress_bars(shown: bool = True) -> Progress:
     )
 
 
+def _somebody_looks() -> bool:
+    """Whether standard error is a terminal, or this is a notebook."""
+    return console(stderr=True).is_terminal or console(stderr=True).is_jupyter
+
+
+@contextmanager
+def busy(doing: str, shown: bool) -> Iterator[None]:
+    """Show on a terminal, and in a notebook, for how long something goes on of which nothing is counted."""
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    seen = shown and _somebody_looks()
+    with Progress(*columns, console=console(stderr=True), transient=True, disable=not seen) as bars:
+        bars.add_task(doing, total=None)
+        yield
+
+
 @contextmanager
 def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator[OnMatch]:
     """Show the stages that have begun, unless told not to.
@@ -63,7 +79,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         TIMES,
     )
 
-    if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
+    if shown and not _somebody_looks():
         lines = _Lines()
         try:
             yield lines.on_match

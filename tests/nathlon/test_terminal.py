@@ -12,6 +12,7 @@ from rich.cells import cell_len
 from nathlon.arena.store import Store
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.terminal import console, new_table, print_table, say, tell
+from nathlon.terminal.progress import busy
 from tests.support.command_line import nathlon
 from tests.support.committees import NAMES, PEOPLE, RUN, ask
 
@@ -50,6 +51,22 @@ def test_a_table_that_is_too_wide_is_a_list_with_all_its_figures(
     assert [figure for line in lines for figure in line.strip().split("   ")] == [
         f"{head} {cell}" for head, cell in WIDE.items()
     ]
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_what_cannot_be_counted_shows_that_it_goes_on_where_somebody_looks(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shown: bool
+) -> None:
+    with busy("Racing [bold]", shown):
+        pass
+    assert capsys.readouterr() == ("", "")
+    console.cache_clear()
+    terminal(monkeypatch, 80)
+    with busy("Racing [bold]", shown):
+        pass
+    printed = capsys.readouterr()
+    assert ("Racing [bold]" in STYLES.sub("", printed.err)) == shown
+    assert printed.out == ""
 
 
 def test_in_a_pipe_a_table_stays_a_table(capsys: pytest.CaptureFixture[str]) -> None:
