@@ -113,7 +113,7 @@ class Imitation:
         if origin is not None and checkpoint is None:
             state = load_state(origin, {}) if (origin / STATE_FILE).exists() else None
             if state is None:
-                raise InputError(f"{origin}: no run of imitation to start from")
+                raise InputError(f"{origin}: no run of imitation to start from, nor a checkpoint")
             run._take(origin, state)
         make_run_folder(folder, config, seed)
         if origin is not None:

@@ -48,7 +48,7 @@ def read_run_folder(folder: Path) -> tuple[TrainingConfig, int]:
     """
     path = folder / CONFIG_FILE
     if not path.exists():
-        raise InputError(f"{path}: no training run to resume")
+        raise InputError(f"{folder}: no folder of a training run")
     run = read_json(read_text(path, "training run"), _Run, path)
     return run.config, run.seed
 
@@ -73,5 +73,5 @@ def read_policy(origin: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str
         raise InputError(f"{origin}: no checkpoint to start with")
     card, tensors = read_checkpoint(checkpoint)
     if card.shapes != shapes:
-        raise InputError(f"{checkpoint}: of another network than the configuration describes")
+        raise InputError(f"{checkpoint}: cannot be started from: it has another network than the configuration describes")
     return tensors

@@ -141,11 +141,11 @@ class Trainer:
         return trainer
 
     def _load_networks(self, origin: Path) -> None:
+        if origin.is_file() or read_run_folder(origin)[0].imitation:
+            self.learner.load_policy(read_policy(origin, self._card().shapes))
+            return
         try:
-            if origin.is_file() or read_run_folder(origin)[0].imitation:
-                self.learner.load_policy(read_policy(origin, self._card().shapes))
-            else:
-                self.learner.load_networks(load_state(origin).learner)
+            self.learner.load_networks(load_state(origin).learner)
         except InputError as error:
             raise InputError(f"{origin}: cannot be started from: {error}") from None
 
