@@ -172,7 +172,6 @@ class ImitationSettings(Section):
         passage: steps of a car that are learnt from together, where the policy sees by a camera.
         recalled: of these, the first ones, which only bring the memory up to date.
         telling: weight of the error with which it tells, while it learns, what the teacher sees.
-        telling_cars: weight of the error with which it tells where cars ahead are, more sharply.
     """
 
     teacher: str = "driver"
@@ -189,13 +188,6 @@ class ImitationSettings(Section):
     passage: Annotated[int, Field(ge=1, le=1000)] = 16
     recalled: Annotated[int, Field(ge=0, le=1000)] = 4
     telling: Annotated[float, Field(ge=0, le=100)] = 0.1
-    telling_cars: Annotated[float, Field(ge=0, le=100, exclude_if=lambda weight: not weight)] = 0.0
-
-    @model_validator(mode="after")
-    def _tells_of_cars_beside_the_rest(self) -> ImitationSettings:
-        if self.telling_cars and not self.telling:
-            raise ValueError("telling_cars is given, expected telling above 0 beside it")
-        return self
 
     @model_validator(mode="after")
     def _learns_from_the_rest(self) -> ImitationSettings:

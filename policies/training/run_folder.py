@@ -73,5 +73,7 @@ def read_policy(origin: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str
         raise InputError(f"{origin}: no checkpoint to start with")
     card, tensors = read_checkpoint(checkpoint)
     if card.shapes != shapes:
-        raise InputError(f"{checkpoint}: cannot be started from: it has another network than the configuration describes")
+        raise InputError(
+            f"{checkpoint}: cannot be started from: it has another network than the configuration describes"
+        )
     return tensors

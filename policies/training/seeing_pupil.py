@@ -18,14 +18,12 @@ from nathlon.policies.training.instruction import Taught
 from nathlon.policies.training.pupil import Rows, error
 from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import NUMBERS, OPPONENT_SIZE, PICTURE, PRESENT, ObservationSpec
+from nathlon.sim.observation import NUMBERS, PICTURE, ObservationSpec
 
 TELLING = "telling."
 """What the names of the tensors begin with that tell what the teacher sees; no checkpoint has them."""
 TOLD = 0.3
 """Error of what is told, in deviations, up to which it counts by its square."""
-SHARPNESS = 8.0
-"""By how much more sharply cars ahead are told: their numbers range over 160 m, and metres count."""
 
 
 def note_passages(drive: Taught) -> dict[str, NDArray[Any]]:
@@ -72,9 +70,6 @@ class SeeingPupil:
             batch: steps of a minibatch.
             shown: what the teacher sees.
             tensors: its first ones, of the card's shapes.
-
-        Raises:
-            InputError: if it is to tell where cars ahead are, and the teacher sees none.
         """
         assert card.vision is not None, "who sees has a vision"
         self._card, self._settings = card, settings
@@ -83,9 +78,6 @@ class SeeingPupil:
             tensors = dict(tensors)
             tensors[f"{TELLING}weight"] = np.zeros((card.widths[0], shown.size), np.float32)
             tensors[f"{TELLING}bias"] = np.zeros(shown.size, np.float32)
-        if settings.telling_cars and not shown.cars_ahead:
-            raise InputError("imitation: telling_cars is given, expected a teacher that sees cars ahead")
-        self._ahead = shown.slice("cars_ahead") if settings.telling_cars else None
         self.trained = SeeingActor(card, tensors)
         self.note = note_passages
 
@@ -130,25 +122,8 @@ class SeeingPupil:
         if self._settings.telling:
             told, shown = self.trained.linear(TELLING, known), shown[:, recalled:]
             loss = loss + self._settings.telling * smooth_l1_loss(told, shown, beta=TOLD)
-            if self._ahead is not None:
-                missed = missed_cars(told[..., self._ahead], shown[..., self._ahead])
-                loss = loss + self._settings.telling_cars * missed
         return loss
 
     def averaged(self) -> dict[str, NDArray[np.float32]]:
         """As of `Pupil`."""
         return {name: tensor.copy() for name, tensor in self.trained.averages()}
-
-
-def missed_cars(told: Tensor, shown: Tensor) -> Tensor:
-    """How far cars are told from where they are; (.., cars of OPPONENT_SIZE) numbers as a policy sees them.
-
-    Where there is none, it counts only whether one is told.
-    """
-    told, shown = (each.reshape(*each.shape[:-1], -1, OPPONENT_SIZE) for each in (told, shown))
-    sharpness = torch.full((OPPONENT_SIZE,), SHARPNESS)
-    sharpness[PRESENT] = 1.0
-    missed = smooth_l1_loss(sharpness * told, sharpness * shown, beta=TOLD, reduction="none")
-    counts = (shown[..., PRESENT] > 0.0)[..., None].repeat_interleave(OPPONENT_SIZE, -1)
-    counts[..., PRESENT] = True
-    return (missed * counts).mean()

@@ -106,7 +106,11 @@ def test_a_recording_that_is_none(tmp_path: Path) -> None:
 
 def test_an_unknown_training_configuration(tmp_path: Path) -> None:
     refused(nathlon("train", "dreaming", cwd=tmp_path), "dreaming", "time_trial")
-    refused(nathlon("train", "--resume", "--out", "nothing", cwd=tmp_path), "nothing", "no folder of a training run")
+    refused(
+        nathlon("train", "--resume", "--out", "nothing", cwd=tmp_path),
+        "nothing",
+        "no folder of a training run",
+    )
 
 
 def test_race_prints_json(tmp_path: Path) -> None:

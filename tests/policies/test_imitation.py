@@ -40,12 +40,12 @@ from nathlon.policies.training.instruction import Class, Notes, instruct
 from nathlon.policies.training.mistakes import Mistakes
 from nathlon.policies.training.pairs import CHAMPION, Pair
 from nathlon.policies.training.pupil import NumbersPupil, fresh, note_numbers
-from nathlon.policies.training.seeing_pupil import missed_cars, note_passages
+from nathlon.policies.training.seeing_pupil import note_passages
 from nathlon.policies.training.teacher import Teacher
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import OPPONENT_SIZE, PRESENT, ObservationSpec, X
+from nathlon.sim.observation import ObservationSpec
 from tests.support.trainings import TOML, polishing
 
 HOME = Pair("lindenring", "gt3")
@@ -129,18 +129,6 @@ def test_who_sees_is_told_what_the_champion_would_do_with_all_that_a_passage_nee
         pupil.trained.step(loss, 1e-2)
         losses.append(loss.item())
     assert sum(losses[-10:]) < 0.8 * sum(losses[:10])
-
-
-def test_where_no_car_is_ahead_it_counts_only_whether_one_is_told() -> None:
-    shown, told = torch.zeros(2, OPPONENT_SIZE), torch.zeros(2, OPPONENT_SIZE)
-    shown[:, PRESENT] = told[:, PRESENT] = torch.tensor([1.0, -1.0])
-    assert missed_cars(told.flatten(), shown.flatten()) == 0.0
-    told[1, X] = 0.5
-    assert missed_cars(told.flatten(), shown.flatten()) == 0.0
-    told[0, X] = 0.5
-    aside = missed_cars(told.flatten(), shown.flatten())
-    told[0, X], told[1, PRESENT] = 0.0, 1.0
-    assert 0.0 < missed_cars(told.flatten(), shown.flatten()) < aside
 
 
 @pytest.mark.parametrize(("config", "remembers"), [(ALONE, False), (TRAFFIC, True)], ids=["alone", "traffic"])
@@ -423,7 +411,6 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
         ({"imitation": {"mirrored": True}}, "mirrored is given, expected none beside a vision"),
         ({"observation": {"camera": {"width": 8}}}, "width is 8, expected a whole number from 16"),
         ({"imitation": {"passage": 4, "recalled": 4}}, "expected less than passage"),
-        ({"imitation": {"telling": 0.0, "telling_cars": 1.0}}, "expected telling above 0 beside it"),
         ({"vision": {"convolutions": [{"filters": 3, "side": 20, "stride": 4}]}}, "leave nothing of 16 x 24"),
     ],
 )

@@ -205,7 +205,9 @@ def test_a_run_may_start_with_the_policy_of_a_checkpoint(tmp_path: Path, encoder
     assert not started.state_dict()["policy"].equal(fresh["policy"])
     assert started.state_dict()["critic"].equal(fresh["critic"])
 
-    with pytest.raises(InputError, match=r"policy.safetensors: cannot be started from: it has another network"):
+    with pytest.raises(
+        InputError, match=r"policy.safetensors: cannot be started from: it has another network"
+    ):
         Trainer.start(tmp_path / "wider", changed(), 2, origin=path)
     path.write_bytes(b"no checkpoint")
     with pytest.raises(InputError, match=r"policy.safetensors: not a whole safetensors file"):
