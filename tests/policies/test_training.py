@@ -200,7 +200,8 @@ def test_a_run_may_start_with_the_policy_of_a_checkpoint(tmp_path: Path, encoder
     started = Trainer.start(tmp_path / "run", config, 2, origin=path).learner
     seen = np.random.default_rng(1).normal(size=(5, config.observation.spec().size)).astype(np.float32)
     told = started.act(seen, stochastic=False)
-    np.testing.assert_allclose(told, load_checkpoint(path).act(seen, np.zeros((5, 0)))[0], atol=2e-3)
+    kept, _ = load_checkpoint(path).act(seen, np.zeros((5, 0), np.float32))
+    assert np.abs(told - kept).max() < 2e-3
     assert started.state_dict()["policy"].equal(started.state_dict()["average"])
     assert not started.state_dict()["policy"].equal(fresh["policy"])
     assert started.state_dict()["critic"].equal(fresh["critic"])
