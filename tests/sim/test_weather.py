@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
+from collections import defaultdict
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.conditions import Conditions
@@ -38,17 +39,17 @@ def started(conditions: Conditions, cars: int = 3) -> World:
     return world
 
 
-def driven(conditions: Conditions) -> str:
-    """SHA-256 of ten seconds of three cars that slide about."""
-    world, digest = started(conditions), hashlib.sha256()
+def driven(conditions: Conditions) -> dict[str, NDArray[np.float64]]:
+    """Ten seconds of three cars that slide about, (steps, 1, 3, ..) by name of what is noted."""
+    world, noted = started(conditions), defaultdict(list)
     for tick in range(100):
         actions = np.zeros((1, 3, 2))
         actions[0, :, 0] = 1.0, 0.6, np.sin(tick / 5)
         actions[0, :, 1] = 0.1 * np.sin(tick / 9), -0.05, 0.3 * np.sin(tick / 4)
         world.step(actions)
         for name in ("x", "y", "yaw", "spin", "slip_ratio", "wear", "fuel"):
-            digest.update(np.ascontiguousarray(world.state[name]).tobytes())
-    return digest.hexdigest()
+            noted[name].append(world.state[name].copy())
+    return {name: np.array(values) for name, values in noted.items()}
 
 
 def test_the_water_follows_its_closed_form() -> None:
@@ -112,18 +113,22 @@ def test_brakes_hold_less_on_a_wet_road_with_treads_more_than_without() -> None:
 
 
 DRY = {
-    (0.0, 0.0): "9eb720bb10dbd472f6df95e47bb1893c7ab5242fe1fd7eb18361b496dc46daaf",
-    (5.0, 1.0): "e7a4f27935b5738b0e7c8d31889849e019b201076e17edc0e16469116a189692",
+    (0.0, 0.0): ((171.38041, 10.11315), (239.25305, -11.65193), (2.96770, 7.43759)),
+    (5.0, 1.0): ((169.28884, 7.35313), (235.31316, -11.57491), (2.87125, 7.46449)),
 }
-"""Of `driven` before there was weather, by rates of wear and fuel."""
+"""Where the cars of `driven` ended before there was weather, m, by rates of wear and fuel."""
 
 
 @pytest.mark.parametrize("rates", DRY)
 def test_races_without_weather_are_what_they_were(rates: tuple[float, float]) -> None:
     wear, fuel = rates
-    assert driven(Conditions(wear_rate=wear, fuel_rate=fuel)) == DRY[rates]
+    dry = driven(Conditions(wear_rate=wear, fuel_rate=fuel))
+    # Processors of another kind round otherwise.
+    np.testing.assert_allclose(np.stack([dry["x"], dry["y"]], -1)[-1, 0], DRY[rates], atol=1e-3)
     # A sky from which nothing falls is as good as none.
-    assert driven(Conditions(wear_rate=wear, fuel_rate=fuel, weather=(Weather(),))) == DRY[rates]
+    cloudy = driven(Conditions(wear_rate=wear, fuel_rate=fuel, weather=(Weather(),)))
+    for name, values in dry.items():
+        np.testing.assert_array_equal(cloudy[name], values)
 
 
 def test_policies_that_are_told_the_car_see_the_grip() -> None:
