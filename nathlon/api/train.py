@@ -79,7 +79,7 @@ def train(
         engine: who runs the rollout workers: this machine, or the nodes of a Ray cluster.
         engine_address: of the cluster; `auto` for the one that this machine is part of.
         resume: go on with the run in the folder.
-        origin: folder of a run whose networks this one starts with.
+        origin: folder of a run whose networks this one starts with, or a checkpoint whose policy.
         coach: what `nathlon coach` has left of laps (coach.json): where they lost most, a fifth of the races
             of one car begin.
         progress: whether to show it, on standard error.

@@ -14,9 +14,9 @@ from pathlib import Path
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.run_folder import (
-    CHECKPOINTS,
     CONFIG_FILE,
     make_run_folder,
+    newest_checkpoint,
     read_run_folder,
 )
 from nathlon.policies.training.state import STATE_FILE, load_state
@@ -148,7 +148,7 @@ class AblationRun:
     @property
     def last_checkpoint(self) -> Path | None:
         """The last checkpoint so far."""
-        return max((self.folder / CHECKPOINTS).glob("*.safetensors"), default=None)
+        return newest_checkpoint(self.folder)
 
     def claim(self) -> None:
         """Make its folder that of this run; it may be so already.

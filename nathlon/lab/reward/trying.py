@@ -14,7 +14,7 @@ from nathlon.lab.reward.clips import Clips, Studio, kept
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.log import CURVE_FILE, Status
-from nathlon.policies.training.run_folder import CHECKPOINTS, CONFIG_FILE
+from nathlon.policies.training.run_folder import CONFIG_FILE, newest_checkpoint
 from nathlon.policies.training.state import STATE_FILE, load_state
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
@@ -76,7 +76,7 @@ def look(folder: Path, name: str, studio: Studio) -> Tried:
     Raises:
         InputError: if the folder lacks a checkpoint, its row of the curve, or clips that can be read.
     """
-    checkpoint = max((folder / CHECKPOINTS).glob("*.safetensors"), default=None)
+    checkpoint = newest_checkpoint(folder)
     if checkpoint is None:
         raise InputError(f"{folder}: there is no checkpoint, expected a training that is over")
     policy = load_checkpoint(checkpoint)
